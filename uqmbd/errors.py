@@ -188,6 +188,10 @@ class Finding:
         Sentence with advice, without the final full stop; may be empty.
     category : type of Warning or None
         Class of the Python warning that a run gives. None: the check itself gives the warning. A note gives no warning.
+    hidden_errors : tuple of (str, float)
+        Names of outputs or requirements, and errors of their standard deviations, relative to these, that the finding
+        estimates and the stated errors of methods do not contain. NaN: the error is unknown. The assessment of results
+        includes these errors.
 
     Raises
     ------
@@ -207,6 +211,7 @@ class Finding:
     message: str
     remedy: str = ""
     category: type[Warning] | None = field(default=StudyWarning, compare=False, repr=False)
+    hidden_errors: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.severity, Severity):
@@ -216,6 +221,13 @@ class Finding:
                 raise StudyError(f"Finding: {name} is {value!r}; expected a text.")
         if self.category is not None and not (isinstance(self.category, type) and issubclass(self.category, Warning)):
             raise StudyError(f"Finding: category is {self.category!r}; expected a class of warnings, or None.")
+        pairs = self.hidden_errors
+        if not (isinstance(pairs, tuple) and all(isinstance(x, tuple) and len(x) == 2 for x in pairs)) or not all(
+            isinstance(name, str) and isinstance(error, float) and not error < 0 for name, error in pairs
+        ):
+            raise StudyError(
+                f"Finding: hidden_errors is {pairs!r}; expected a tuple of pairs (name, error) with errors from 0 on."
+            )
 
     @property
     def text(self) -> str:

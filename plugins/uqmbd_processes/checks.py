@@ -34,6 +34,12 @@ LITTLE = 1e-3
 FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 """Cutoffs, relative to those of the study, whose losses are computed."""
 
+ROUGH = 1e-4
+"""Largest relative error of the variances of which shares are computed."""
+
+REMEDY = "Give the process a higher cutoff=, or a spectrum with a lower band"
+"""Advice for paths that change much of a variance."""
+
 NONE = "its linear response is zero"
 
 UNITS = {"distance": "cycle/m", "time": "Hz"}
@@ -79,7 +85,7 @@ class LostVariance:
         parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
         parts += [f"an unknown share of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
         much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
-        advice = "Give the process a higher cutoff=, or a band-limited spectrum" if much else ""
+        advice = REMEDY if max(shares.values(), default=0.0) > MUCH else ""
         if not much and not unknown and (lower := _lower_cutoff(list(every.values()))) is not None:
             factor, loss = lower
             names = " and ".join(f"{_rounded(p, factor):g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items())
@@ -95,7 +101,14 @@ class LostVariance:
             f"frequencies {_effect(lossy.values())}. This changes the variance of the linear response at the means by "
             f"{', '.join(parts)}{_averaged(lossy.values())}",
             advice,
+            hidden_errors=_errors_of_std(shares, unknown),
         )
+
+
+def _errors_of_std(shares: dict[str, float], unknown: dict[str, str]) -> tuple[tuple[str, float], ...]:
+    """Return relative errors of standard deviations from changed shares of variances; NaN for unknown shares."""
+    known = [(output, 1.0 - math.sqrt(max(1.0 - share, 0.0))) for output, share in shares.items()]
+    return (*known, *((output, math.nan) for output, reason in unknown.items() if reason))
 
 
 @uqmbd.extend.linear_output(power=0)
@@ -104,11 +117,11 @@ def _lost_share(system: LinearSystem, factor: float) -> tuple[NDArray[np.float64
 
     The share is -1 without a variance.
     """
-    whole, reasons = moments(system, (0,))
+    whole, reasons = moments(system, (0,), ROUGH)
     sources = [channel.source for channel in system.channels]
     own = [k for k, p in enumerate(sources) if math.isfinite(p.variance) and p.lost_variance]
     tails = tuple(replace(system.channels[k], source=_tail(sources[k], factor)) for k in own)
-    lost, more = moments(replace(system, b=system.b[:, :, own], e=system.e[:, :, own], channels=tails), (0,))
+    lost, more = moments(replace(system, b=system.b[:, :, own], e=system.e[:, :, own], channels=tails), (0,), ROUGH)
     with np.errstate(all="ignore"):
         share = np.where(whole[0] == 0, -1.0, lost[0] / whole[0])
         return share, [one or other for one, other in zip(reasons, more, strict=True)]
@@ -141,7 +154,12 @@ def _limit(process: RandomProcess) -> str:
 def _averaged(processes: Iterable[RandomProcess]) -> str:
     """Return a remark on processes whose paths are not stationary, or an empty text."""
     expanded = any(p.expansion_terms is not None for p in processes)
-    return ". Shares of expansions are means over their length, with the weight of Hann's window" if expanded else ""
+    if not expanded:
+        return ""
+    return (
+        ". The omitted terms of expansions also have lower frequencies; their shares are means over the length, with "
+        "the weight of Hann's window"
+    )
 
 
 def _percent(share: float) -> str:

@@ -284,7 +284,7 @@ def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) ->
         ),
     )
     dims = ("origin", *labels.dims)
-    return found.assign_coords(origin=["parameters", "paths", "both"]).assign(
+    return found.assign_coords(origin=["parameters", "paths", "both"], bound=["lower", "upper"]).assign(
         variance_share=(dims, shares),
         variance_share_interval=(("bound", *dims), np.stack([shares - reach, shares + reach])),
     )

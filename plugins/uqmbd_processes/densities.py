@@ -34,6 +34,9 @@ FACTORS: dict[str, float] = {"rad/s": 1.0, "Hz": 2 * math.pi, "rad/m": 1.0, "cyc
 
 UNBOUNDED = (0.0, math.inf)
 
+PROBED = 1025
+"""Number of frequencies at which a density is evaluated when it is constructed."""
+
 MOST_PANELS = 4096
 """Largest number of panels of the integral of a density."""
 
@@ -93,17 +96,18 @@ class PowerSpectralDensity:
         object.__setattr__(self, "band", (float(self.band[0]), float(self.band[1])))
         if self.filter is None:
             try:
-                found = np.asarray(self.function(self._samples()), dtype=float)
+                found = np.asarray(self.function(samples := self._samples()), dtype=float)
             except (TypeError, ValueError) as error:
                 raise uqmbd.StudyError(
                     f"{where}: function failed for an array of frequencies ({error}); expected a function of NumPy "
                     "arrays, such as one written with numpy.exp."
                 ) from None
-            if found.shape != self._samples().shape or not np.isfinite(found).all() or (found < 0).any():
+            if found.shape != samples.shape:
                 raise uqmbd.StudyError(
-                    f"{where}: function returned {found!r} for the frequencies {self._samples()!r} {self.per}; "
-                    "expected a density for each, finite and not negative."
+                    f"{where}: function returned an array of shape {found.shape} for frequencies of shape "
+                    f"{samples.shape}; expected a density for each frequency."
                 )
+            self._refuse_impossible(samples, found)
         # once, because the content of the function may change
         object.__setattr__(self, "_text", describe_function(self.function))
 
@@ -111,7 +115,18 @@ class PowerSpectralDensity:
         low, high = self.band
         low = low if low > 0 else min(1e-2, high / 100)
         high = high if math.isfinite(high) else max(1e2, 100 * low)
-        return np.geomspace(low, high, 5)
+        return np.geomspace(low, high, PROBED)
+
+    def _refuse_impossible(self, frequency: Array, density: Array) -> None:
+        """Raise if a density at frequencies in the unit `per` is negative or not finite."""
+        wrong = ~(np.isfinite(density) & (density >= 0))
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            raise uqmbd.StudyError(
+                f"PowerSpectralDensity: function returned {density.flat[k]:g} for the frequency {frequency.flat[k]:g} "
+                f"{self.per}; expected a finite density that is not negative in the band, from {self.band[0]:g} to "
+                f"{self.band[1]:g} {self.per}."
+            )
 
     @property
     def over(self) -> str:
@@ -148,7 +163,9 @@ class PowerSpectralDensity:
         low, high = self.angular_band
         inside = (frequency >= low * (1 - 1e-12)) & (frequency <= high * (1 + 1e-12))
         given = np.where(inside, frequency, max(low, min(1.0, high))) / factor
-        found = np.where(inside, np.asarray(self.function(given), dtype=float), 0.0)
+        density = np.asarray(self.function(given), dtype=float)
+        self._refuse_impossible(given, density)
+        found = np.where(inside, density, 0.0)
         return np.asarray(found / factor / (2.0 if self.sided == "one" else 1.0))
 
     @property

@@ -66,9 +66,12 @@ def density_of_response(system: LinearSystem, source: Any, channels: Sequence[in
 
 
 def integrate_moments(
-    system: LinearSystem, source: Any, channels: Sequence[int], orders: Sequence[int]
+    system: LinearSystem, source: Any, channels: Sequence[int], orders: Sequence[int], tolerance: float = TOLERANCE
 ) -> tuple[dict[int, Array], list[str]]:
-    """Return the moments ``2 int w^k S dw`` over positive frequencies by order k, and reasons for NaN."""
+    """Return the moments ``2 int w^k S dw`` over positive frequencies by order k, and reasons for NaN.
+
+    `tolerance`: largest relative error.
+    """
     count = len(system)
     result = {k: np.full(count, np.nan) for k in orders}
     reasons = [""] * count
@@ -88,14 +91,14 @@ def integrate_moments(
             scale = {k: np.where(now[k] == 0, 1.0, now[k]) for k in orders}
             steps = np.max([np.abs(now[k] - before[k]) / scale[k] for k in orders], axis=0)
             errors = steps + np.max([fixed[k] / scale[k] for k in orders], axis=0)
-            good = steps <= TOLERANCE / 10
+            good = steps <= tolerance / 10
             if panels >= MOST_PANELS:
                 good[:] = True
             for member, error in zip(members[good].tolist(), errors[good].tolist(), strict=True):
-                if not error <= TOLERANCE:
+                if not error <= tolerance:
                     reasons[member] = (
-                        f"the quadrature of {system.name} over frequency has the relative error {error:.2g}, above "
-                        f"{TOLERANCE:g}; check the spectral density for jumps and narrow "
+                        f"the quadrature of {system.name} over frequency has the relative error {error:.3g}, above "
+                        f"{tolerance:g}; check the spectral density for jumps and narrow "
                         "peaks, and the mechanism for very different rates"
                     )
             for k in orders:

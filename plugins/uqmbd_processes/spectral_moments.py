@@ -56,15 +56,18 @@ def density(system: LinearSystem, frequency: float) -> tuple[Array, list[str]]:
     return total, reasons
 
 
-def moments(system: LinearSystem, orders: Sequence[int]) -> Found:
-    """Return the moments ``2 int w^k S dw`` over positive frequencies (K,) by order k, and reasons for NaN."""
+def moments(system: LinearSystem, orders: Sequence[int], tolerance: float = TOLERANCE) -> Found:
+    """Return the moments ``2 int w^k S dw`` over positive frequencies (K,) by order k, and reasons for NaN.
+
+    `tolerance`: largest relative error of a quadrature.
+    """
     result = {k: np.zeros(len(system)) for k in orders}
     reasons = [""] * len(system)
     for members, part, faults, polynomials in _decaying(system):
         _note(reasons, members, faults)
         if all(faults):
             continue
-        found, lost = _moments(part, polynomials, orders)
+        found, lost = _moments(part, polynomials, orders, tolerance)
         _note(reasons, members, lost)
         for order in orders:
             result[order][members] = found[order]
@@ -129,12 +132,14 @@ def _decaying(system: LinearSystem) -> list[Part]:
     return parts
 
 
-def _moments(system: LinearSystem, polynomials: CharacteristicPolynomials | None, orders: Sequence[int]) -> Found:
+def _moments(
+    system: LinearSystem, polynomials: CharacteristicPolynomials | None, orders: Sequence[int], tolerance: float
+) -> Found:
     """Return the moments of systems with decaying states."""
     total = {k: np.zeros(len(system)) for k in orders}
     reasons = [""] * len(system)
     for source, channels in _processes(system):
-        found, lost = _of_process(system, polynomials, source, channels, orders)
+        found, lost = _of_process(system, polynomials, source, channels, orders, tolerance)
         for order in orders:
             total[order] += found[order]
         if any(lost):
@@ -148,6 +153,7 @@ def _of_process(
     source: Any,
     channels: list[int],
     orders: Sequence[int],
+    tolerance: float,
 ) -> Found:
     speeds = np.array([system.channels[k].speed for k in channels])
     different = np.ptp(speeds, axis=0) > 1e-12 * np.abs(speeds).max(axis=0)
@@ -160,14 +166,14 @@ def _of_process(
     shape: ShapingFilter | None = source.shape
     rational = [k for k in orders if k % 2 == 0]
     if shape is None or source.band != (0.0, math.inf) or len(channels) > 1:
-        return integrate_moments(system, source, channels, orders)
+        return integrate_moments(system, source, channels, orders, tolerance)
     found, reasons = _of_filter(system, polynomials, source, shape, channels[0], max(rational, default=0))
     other = [k for k in orders if k % 2]
     if other:
         kept = np.array([k for k, reason in enumerate(reasons) if not reason], dtype=np.int64)
         found |= {k: np.full(len(system), np.nan) for k in other}
         if len(kept):
-            more, lost = integrate_moments(select(system, kept), source, channels, other)
+            more, lost = integrate_moments(select(system, kept), source, channels, other, tolerance)
             for k in other:
                 found[k][kept] = more[k]
             for member, reason in zip(kept.tolist(), lost, strict=True):

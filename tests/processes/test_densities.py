@@ -17,6 +17,11 @@ from uqmbd_processes import (
 )
 
 
+def dipped(frequency):
+    """Return a density that is negative from 2.8 to 3.2 Hz."""
+    return 1e-6 * (1 - 3 * np.exp(-(((frequency - 3) / 0.2) ** 2)))
+
+
 @pytest.mark.parametrize("road_class, value", [("A", 16e-6), ("B", 64e-6), ("C", 256e-6), ("H", 262144e-6)])
 def test_roads_have_the_densities_of_iso_8608(road_class, value):
     """ISO 8608:2016, table C.1: geometric means at 0.1 cycle/m; four times as much for each class."""
@@ -88,7 +93,11 @@ def test_the_error_of_an_estimated_density_is_that_of_repeated_records():
         (lambda: exponential_covariance(0, 1), "deviation is 0; expected a positive number"),
         (lambda: PowerSpectralDensity(np.ones_like, sided="both", per="Hz"), "sided is 'both'; expected 'one'"),
         (lambda: PowerSpectralDensity(np.ones_like, sided="one", per="1/m"), "per='1/m'; expected the unit"),
-        (lambda: PowerSpectralDensity(np.negative, sided="one", per="Hz"), "finite and not negative"),
+        (
+            lambda: PowerSpectralDensity(np.negative, sided="one", per="Hz"),
+            "expected a finite density that is not negative",
+        ),
+        (lambda: PowerSpectralDensity(dipped, sided="one", per="Hz", band=(0.01, 10)), "returned -"),
         (lambda: RandomProcess("p"), "no description is given"),
         (lambda: RandomProcess("p", psd=iso8608("C"), over="time"), "over distance, but over='time'"),
         (lambda: RandomProcess("p", psd=np.ones_like), "which states its sides and its frequency"),
@@ -105,3 +114,10 @@ def test_the_error_of_an_estimated_density_is_that_of_repeated_records():
 def test_wrong_arguments_are_refused_with_advice(make, message):
     with pytest.raises(uqmbd.StudyError, match=message.replace("(", r"\(").replace("[", r"\[")):
         make()
+
+
+def test_a_density_that_is_negative_in_a_narrow_band_is_refused_where_it_is_used():
+    density = PowerSpectralDensity(lambda f: np.where(np.abs(f - 3.001) < 1e-9, -1.0, 1.0), "one", "Hz", (0.01, 10))
+    assert density.two_sided(np.array([2 * np.pi]))[0] == pytest.approx(1 / (4 * np.pi))
+    with pytest.raises(uqmbd.StudyError, match=r"returned -1 for the frequency 3\.001 Hz"):
+        density.two_sided(2 * np.pi * np.array([1.0, 3.001]))

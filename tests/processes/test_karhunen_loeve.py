@@ -73,8 +73,34 @@ def response(covariance, length, terms, times):
 def stated(process):
     """Shares of the variance that the outputs of the quarter car lose."""
     (finding,) = LostVariance().find(uqmbd.Study("s", quarter_car(process), [0.0, 1.0], [MonteCarlo(samples=2)]))
-    assert "are missing" in finding.message and "Shares of expansions are means over their length" in finding.message
+    assert "are missing" in finding.message and "shares are means over the length" in finding.message
     return np.array([float(x) / 100 for x in re.findall(r"([\d.]+) % of '", finding.message)]), finding.message
+
+
+def test_the_lost_share_is_part_of_the_assessment():
+    """Without a share s of its variance, a standard deviation is too small by 1 - sqrt(1 - s)."""
+    study = uqmbd.Study("s", quarter_car(expanded(40.0, 12)), [0.0, 1.0, 2.0], [MonteCarlo(samples=64, seed=1)])
+    (finding,) = LostVariance().find(study)
+    errors = dict(finding.hidden_errors)
+    shares = stated(expanded(40.0, 12))[0]
+    assert list(errors.values()) == pytest.approx(1 - np.sqrt(1 - shares), rel=0.05)
+    with pytest.warns(uqmbd.StudyWarning, match="sampled paths"):
+        assessed = uqmbd.results.assess(study.run())
+    (acceleration,), (travel,) = assessed.of("acceleration"), assessed.of("travel")
+    assert (acceleration.word, travel.word) == ("no", "no")
+    assert "does not contain: 43 % of the standard deviation" in acceleration.reason
+    assert "random process 'road'" in acceleration.reason
+
+
+@pytest.mark.parametrize("cutoff", [None, 5.0, 10.0])
+def test_small_shares_of_a_road_are_known(cutoff):
+    """Beyond 5 cycle/m, only the force of the undamped tyre, which follows the road, loses more than 1 %."""
+    road = RandomProcess("road", covariance=ROAD, over="distance", units="m", cutoff=cutoff, length=40.0)
+    (finding,) = LostVariance().find(uqmbd.Study("s", quarter_car(road), [0.0, 1.0], [MonteCarlo(samples=2)]))
+    assert "unknown" not in finding.message
+    errors = dict(finding.hidden_errors)
+    assert errors.pop("force") < 0.02
+    assert all(error < 1e-3 for error in errors.values())
 
 
 def test_the_eigenfunctions_solve_the_integral_equation():

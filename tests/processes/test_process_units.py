@@ -12,6 +12,7 @@ from uqmbd_processes import (
     estimated_psd,
     estimated_std,
     expected_maximum,
+    exponential_covariance,
     fatigue_damage,
     iso8608,
     kaimal,
@@ -22,7 +23,7 @@ from uqmbd_processes import (
     von_karman,
     white_noise,
 )
-from uqmbd_springs import PointForce, SpringDamper
+from uqmbd_springs import PointForce, RadialTyre, SpringDamper
 
 FORCE = RandomProcess("force", psd=white_noise(0.1, sided="two", per="rad/s", band=(0, 30)), units="N")
 
@@ -106,3 +107,30 @@ def test_units_of_a_process_are_compared_with_its_spectrum():
         assert RandomProcess("wind", psd=spectrum).units == units
     assert RandomProcess("road", psd=iso8608("C"), over="distance", units="metre").units == "metre"
     assert RandomProcess("noise", psd=white_noise(1.0, sided="one", per="Hz"), units="mm").units == "mm"
+
+
+def road_in(units):
+    road = RandomProcess("road", covariance=exponential_covariance(0.01, 5.0), over="distance", units=units, cutoff=1.0)
+    mechanism = uqmbd.Mechanism("wheel", uqmbd.Line(gravity=-9.81))
+    wheel = mechanism.body("wheel", mass=40, position=0.3)
+    mechanism.add(RadialTyre("tyre", mechanism.ground, wheel, 0, road(20 * uqmbd.t), radius=0.32, stiffness=180e3))
+    return mechanism
+
+
+def test_a_road_in_millimetres_is_refused_by_a_wheel():
+    with pytest.raises(uqmbd.StudyError, match=r"RadialTyre 'tyre': road: road\(20\*t\) is in mm.* factor of 1000"):
+        road_in("mm")
+
+
+def test_a_road_of_another_dimension_is_found():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", uqmbd.UnitsWarning)
+        (found,) = uqmbd.check(road_in("N")).units
+    assert found.startswith("RadialTyre 'tyre': road: road(20*t) is in N, but its declared units are m")
+    assert uqmbd.check(road_in("m")).units == ()
+
+
+def test_unknown_units_of_a_process_are_reported():
+    process = RandomProcess("road", covariance=exponential_covariance(0.01, 5.0), over="distance", units="squiggle")
+    with pytest.warns(uqmbd.UnitsWarning, match="'road'.*squiggle"):
+        process(20 * uqmbd.t)

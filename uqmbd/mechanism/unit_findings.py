@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sympy
+
 from uqmbd.mechanism.declared import unseen_numbers
 from uqmbd.mechanism.expressions import flatten, mismatches
 from uqmbd.mechanism.mechanism import Mechanism
@@ -22,8 +24,11 @@ def find_unit_problems(mechanism: Mechanism) -> tuple[str, ...]:
     for component in mechanism.all_components():
         kind = f"body {component.name!r}" if component.offered else f"{type(component).__name__} {component.name!r}"
         for key, parameter in component.parameters().items():
-            if parameter.kind not in ("option", "axis", "turning_axis", "rotation") and key in component.values:
-                stated += [(f"{kind}: {key}", x, parameter.units) for x in flatten(component.values[key])]
+            value = component.values.get(key)
+            if parameter.kind == "option":  # it may be a law, whose result has the units of the parameter
+                stated += [(f"{kind}: {key}", value, parameter.units)] if isinstance(value, sympy.Expr) else []
+            elif parameter.kind not in ("axis", "turning_axis", "rotation") and value is not None:
+                stated += [(f"{kind}: {key}", x, parameter.units) for x in flatten(value)]
     texts = [(f"random variable {x.name!r}", x.units) for x in mechanism.inputs.variables]
     texts += [(where, units) for where, _, units in stated]
     statements = [sentence for where, units in texts if (sentence := spelling(where, units))]

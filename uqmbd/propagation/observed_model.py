@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -191,7 +192,12 @@ def not_unique_attribute(model: Model) -> dict[str, str]:
 def finding_attributes(findings: Sequence[Finding]) -> dict[str, str]:
     """Return the attributes with all findings, and with the texts of warnings, as JSON; empty without findings."""
     names = ("place", "message", "remedy")
-    found = [{"severity": x.severity.value, **{name: getattr(x, name) for name in names}} for x in findings]
+    found: list[dict[str, Any]] = []
+    for one in findings:
+        found.append({"severity": one.severity.value, **{name: getattr(one, name) for name in names}})
+        if one.hidden_errors:  # null in JSON: the error is unknown
+            errors = [[name, None if math.isnan(error) else error] for name, error in one.hidden_errors]
+            found[-1]["hidden_errors"] = errors
     warned = [x.text for x in findings if x.warned]
     return {name: json.dumps(value) for name, value in (("findings", found), ("warnings", warned)) if value}
 

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from uqmbd.errors import Finding, Severity
+from uqmbd.errors import Finding
 from uqmbd.report.stored_motion import without_named
 from uqmbd.results import failed_methods, propagator_nodes, varying
 from uqmbd.results.assessment import (
@@ -23,7 +23,7 @@ from uqmbd.results.assessment import (
     own_statements,
 )
 from uqmbd.results.chaos import surrogate_parts
-from uqmbd.results.schema import output_places, total_realisations
+from uqmbd.results.schema import output_places, stored_findings, total_realisations
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
 
@@ -342,11 +342,11 @@ class StudyResult:
     @property
     def findings(self) -> list[Finding]:
         """Return the findings of the study, then further findings of each method."""
-        found = _findings_of(self.tree)
+        found = stored_findings(self.tree)
         known = {one.text for one in found}
         for label, method in self.methods.items():
             for part in method.node.subtree:
-                mine = [one for one in _findings_of(part) if one.text not in known]
+                mine = [one for one in stored_findings(part) if one.text not in known]
                 found += [replace(one, place=label, message=f"{label}: {one.message}") for one in mine]
                 known.update(one.text for one in mine)
         return found
@@ -389,16 +389,3 @@ def _drop_unknown_times(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTr
     for label, node in found.items():
         node.attrs.setdefault("rtol", rtol_of(nodes[label]))
     return found
-
-
-def _findings_of(node: xr.DataTree) -> list[Finding]:
-    """Return the findings that a node stores, or its warnings, which earlier versions and some methods store."""
-    for name in ("findings", "warnings"):
-        try:
-            stored = json.loads(node.attrs[name])
-            if name == "findings":
-                return [Finding(Severity(one.pop("severity")), **one) for one in stored]
-            return [Finding(Severity.WARNING, "", str(text)) for text in stored] if isinstance(stored, list) else []
-        except (AttributeError, KeyError, TypeError, ValueError):  # missing, or written by another program
-            continue
-    return []

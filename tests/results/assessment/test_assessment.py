@@ -11,7 +11,9 @@ import xarray as xr
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import uqmbd
 from uqmbd import extend, results
+from uqmbd.propagation.observed_model import finding_attributes
 
 LEVEL, TOLERANCE = 0.05, 1e-3
 NEAR = 1e-6
@@ -280,3 +282,41 @@ def test_a_method_that_misses_a_spread_is_not_said_to_have_nothing_to_know() -> 
     )
     (one,) = results.assess(results.study_tree([*nodes, third], study="s", mechanism="m", reference="first")).of("x")
     assert one.level == 3 and "does not vary" in one.reason
+
+
+@pytest.mark.parametrize(
+    ("error", "word", "size"),
+    [
+        (0.4, "no", "40 % of the"),
+        (0.07, "roughly", "7.0 % of the"),
+        (0.03, "yes", "3.0 % of the"),
+        (math.nan, "roughly", "unknown"),
+    ],
+)
+def test_errors_that_no_method_states_lower_the_reliability(error, word, size):
+    """A finding of the study estimates them; they survive the attributes of the results."""
+    method = {"label": "m", "sampled": False, "count": 0, "error": np.full((1, 2), 1e-3), "cost": 1.0}
+    node = node_of(method | {"mean": np.zeros((1, 2)), "std": np.ones((1, 2))})
+    tree = results.study_tree([node], study="s", mechanism="m")
+    assert results.assess(tree).reliability[0].word == "yes"
+    finding = extend.Finding(extend.Severity.WARNING, "process 'road'", "it", hidden_errors=(("y0", error), ("z", 0.9)))
+    tree.attrs |= finding_attributes([finding])
+    (one,) = results.assess(tree).reliability
+    assert one.word == word
+    assert f"does not contain: {size}" in one.reason and "process 'road'" in one.reason
+
+
+def test_small_errors_that_no_method_states_are_omitted():
+    method = {"label": "m", "sampled": False, "count": 0, "error": np.full((1, 2), 1e-3), "cost": 1.0}
+    tree = results.study_tree(
+        [node_of(method | {"mean": np.zeros((1, 2)), "std": np.ones((1, 2))})], study="s", mechanism="m"
+    )
+    before = results.assess(tree).reliability
+    tree.attrs |= finding_attributes([extend.Finding(extend.Severity.NOTE, "p", "it", hidden_errors=(("y0", 1e-3),))])
+    assert results.assess(tree).reliability == before
+
+
+@pytest.mark.parametrize("pairs", [[("x", 0.1)], (("x", -0.1),), (("x", 1),), (("x",),)])
+def test_hidden_errors_are_pairs_of_a_name_and_an_error(pairs):
+    with pytest.raises(uqmbd.StudyError, match="hidden_errors is"):
+        extend.Finding(extend.Severity.NOTE, "p", "it", hidden_errors=pairs)

@@ -134,6 +134,8 @@ def _value(
             unloaded = f" {unusable()}" if parameter.registered and unusable() else ""
             raise StudyError(f"{where}: {key} is {shown(value)}; expected one of {listed}.{unloaded}")
         _require_usable(where, key, value)
+        if isinstance(value, sympy.Expr):  # a law, whose result has the units of the parameter
+            check_dimensions(f"{where}: {key}", value, parameter.units, unseen)
         return value
     if parameter.kind == "turning_axis" and size == 0:
         if stated and value is not None and flatten(value):

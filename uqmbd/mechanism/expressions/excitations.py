@@ -11,7 +11,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import FunctionData, OwnFunction
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
-from uqmbd.names import check_name
+from uqmbd.names import check_name, check_units
 from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 
 __all__ = [
@@ -232,6 +232,7 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
     """
     name = check_name(source.name, "excitation")
     where = f"excitation {name!r}"
+    check_units(source.units, where)
     x = numbers(where, "the argument", argument, 1, "speed * uqmbd.t + offset")[0]
     strange = sorted((s for s in x.free_symbols if s != t and not isinstance(s, RandomVariable)), key=str)
     if strange:

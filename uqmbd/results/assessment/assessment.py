@@ -18,13 +18,13 @@ from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
 from uqmbd.results.assessment.error_sentences import own_statements
 from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
-from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
+from uqmbd.results.assessment.limits import COARSE, EXACT, RARE, WELL, WIDE
 from uqmbd.results.assessment.own_errors import NO_SPREAD, NO_VARIATION, own_error, replicates_of
 from uqmbd.results.assessment.recommendation import recommended, resort
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED, UNVERIFIED
 from uqmbd.results.chaos import spread_words
 from uqmbd.results.requirements import Answer, answers, differing, meets
-from uqmbd.results.schema import comparable, propagator_nodes
+from uqmbd.results.schema import comparable, propagator_nodes, stored_findings
 from uqmbd.results.statistics import rtol_of, varying
 from uqmbd.wording import format_at_most, format_count, format_integer, format_percent
 
@@ -206,6 +206,8 @@ def assess(tree: xr.DataTree) -> Assessment:
                 by_output.setdefault(one.output, {})[one.method] = one
             quantities = [_of_output(group, part, references[timeless], len(nodes)) for group in by_output.values()]
             reliability += [replace(one, population=len(orders) > 1) for one in quantities]
+    hidden = _hidden_errors(tree)
+    reliability = [_with_hidden_error(one, *hidden.get(one.quantity, (0.0, ""))) for one in reliability]
     reliability.sort(key=lambda one: (one.level, -one.error))
     precision = tuple(filter(None, (_precision(label, nodes[label], found[label], len(nodes)) for label in nodes)))
     text = str(data.attrs.get("recommendation", ""))
@@ -345,6 +347,26 @@ def _of_requirements(
         if name != ANY and one.probability == 0 and one.upper > RARE:
             rare.append(name)
     return found, rare
+
+
+def _hidden_errors(tree: xr.DataTree) -> dict[str, tuple[float, str]]:
+    """Return the largest error that no method states, NaN if unknown, and its place in the study, by quantity."""
+    found: dict[str, tuple[float, str]] = {}
+    for finding in stored_findings(tree):
+        for name, error in finding.hidden_errors:
+            if name not in found or not error <= found[name][0]:
+                found[name] = error, finding.place
+    return found
+
+
+def _with_hidden_error(one: OutputReliability, error: float, place: str) -> OutputReliability:
+    """Return the reliability of a quantity with an error that no method states, relative to the standard deviation."""
+    if error <= EXACT or one.level == len(LEVELS) - 1:
+        return one
+    level = 1 if math.isnan(error) else 0 if error > COARSE else 1 if error > WELL else one.level
+    size = "unknown" if math.isnan(error) else f"{format_percent(error)} of the standard deviation"
+    reason = f"{one.reason}; an error that this does not contain: {size} (see the warning about {place})"
+    return replace(one, level=min(one.level, level), reason=reason, error=max(one.error, min(error, 1.0)))
 
 
 def _alone(methods: int, alike: int, lacking: str) -> str:

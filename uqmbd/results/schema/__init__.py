@@ -25,6 +25,7 @@ from uqmbd.results.schema.datasets import (
     sample_dataset,
     statistics_dataset,
 )
+from uqmbd.results.schema.findings import stored_findings
 from uqmbd.results.schema.nodes import (
     comparable,
     failed_methods,
@@ -87,6 +88,7 @@ __all__ = [
     "reference_spread",
     "sample_dataset",
     "statistics_dataset",
+    "stored_findings",
     "time_index",
     "total_realisations",
     "united",
