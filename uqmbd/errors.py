@@ -189,8 +189,8 @@ class Finding:
     category : type of Warning or None
         Class of the Python warning that a run gives. None: the check itself gives the warning. A note gives no warning.
     hidden_errors : tuple of (str, float)
-        Names of outputs or requirements, and errors of their standard deviations, relative to these, that the finding
-        estimates and the stated errors of methods do not contain. NaN: the error is unknown. The assessment of results
+        Estimated errors that the stated errors of methods do not contain: the name of an output or a requirement, and
+        the error of its standard deviation, relative to it. NaN: the error is unknown. The assessment of results
         includes these errors.
 
     Raises
