@@ -119,7 +119,7 @@ class ImplicitStruct(ctypes.Structure):
         *(("motion", ProgramStruct), ("solution", _POINTER), ("gradients", ProgramStruct), ("rate", _POINTER)),
         ("multipliers", _INT),
         *((name, _INT) for name in ("states", "size", "entries", "given")),
-        *((name, _POINTER) for name in ("places", "rows", "columns", "inertia", "plain", "stiffness")),
+        *((name, _POINTER) for name in ("rows", "columns", "inertia", "plain", "stiffness")),
         *((name, _POINTER) for name in ("pivots", "pivot_rows", "pivot_columns")),
         *((name, _POINTER) for name in ("below_starts", "below", "below_rows")),
         *((name, _POINTER) for name in ("beside_starts", "beside", "beside_columns", "targets")),

@@ -100,8 +100,7 @@ class ImplicitEquations(Addressed):
     states: int  # number of auxiliary states
     size: int  # number of unknowns: velocities, auxiliary states, multipliers
     entries: int  # number of entries of a matrix, with fill
-    places: Index  # (given,): number of each given entry among all entries
-    rows: Index  # (given,)
+    rows: Index  # (given,): of the given entries, which are the first ones
     columns: Index  # (given,)
     inertia: Index  # (given,): rows of the values that are multiplied by eta
     plain: Index  # (given,): rows of the values that are added
@@ -127,13 +126,13 @@ class ImplicitEquations(Addressed):
     def factor_operations(self) -> int:
         """Return the number of row operations of the factorisation of a step."""
         blocks = self.size + len(self.below) + len(self.targets)
-        return self.stages**3 * blocks + len(MATRICES) * len(self.places)
+        return self.stages**3 * blocks + len(MATRICES) * len(self.rows)
 
     @property
     def solution_operations(self) -> int:
         """Return the number of row operations of the solutions of an iteration."""
         blocks = self.size + len(self.below) + len(self.beside)
-        return self.stages**2 * blocks + 2 * self.stages * len(self.places)
+        return self.stages**2 * blocks + 2 * self.stages * len(self.rows)
 
     @cached_property
     def structure(self) -> c.ImplicitStruct:
@@ -149,8 +148,8 @@ class ImplicitEquations(Addressed):
             *(method.eigenvalue, TOLERANCE, ITERATIONS),
             *(parts[0], address(self.solution), parts[1], address(self.rate)),
             self.multipliers,
-            *(self.states, self.size, self.entries, len(self.places)),
-            *map(address, (self.places, self.rows, self.columns, self.inertia, self.plain, self.stiffness)),
+            *(self.states, self.size, self.entries, len(self.rows)),
+            *map(address, (self.rows, self.columns, self.inertia, self.plain, self.stiffness)),
             *map(address, (self.pivots, self.pivot_rows, self.pivot_columns)),
             *map(address, (self.below_starts, self.below, self.below_rows)),
             *map(address, (self.beside_starts, self.beside, self.beside_columns, self.targets)),

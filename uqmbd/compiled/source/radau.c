@@ -3,7 +3,9 @@
 
 static const double SLOWEST = 0.9;    /* contraction of the iteration above which the step is refused */
 static const double DIVERGED = 1e200; /* error of a step whose iteration does not converge */
-static const double SHORTER = 0.5;    /* size of the next attempt then, relative to that of this one */
+static const double SHORTEST = 0.25, SHORTER = 0.8; /* size of the next attempt then, relative to that of this one */
+static const double CONTRACTION = 0.07; /* contraction of the iteration that sizes of steps aim at */
+static const double GUESSED = 0.03;   /* tolerance of a first iteration, relative to that of the next ones */
 static const double SHARE = 0.25;     /* error of a step, relative to its estimate, which is of a lower order */
 static const double LONGER = 2.0;     /* most by which the size of a step grows */
 static const double LEAST_PIVOT = 1e-9;  /* least pivot, relative to its row */
@@ -65,30 +67,37 @@ INLINE void invert_block(const int64_t s, V least, V *block) {
     }
 }
 
-/* to = a b */
-INLINE void multiply_blocks(const int64_t s, const V *a, const V *b, V *to) {
+/* own = own b.  Rows are held in registers; no block is another one. */
+INLINE void multiply_by(const int64_t s, V *restrict own, const V *restrict b) {
 #pragma clang loop unroll(full)
-    for (int64_t i = 0; i < s; i++)
+    for (int64_t i = 0; i < s; i++) {
+        V row[MOST_STAGES];
 #pragma clang loop unroll(full)
-        for (int64_t j = 0; j < s; j++) {
-            V sum = a[i * s] * b[j];
+        for (int64_t j = 0; j < s; j++) row[j] = own[i * s] * b[j];
 #pragma clang loop unroll(full)
-            for (int64_t k = 1; k < s; k++) sum += a[i * s + k] * b[k * s + j];
-            to[i * s + j] = sum;
-        }
+        for (int64_t k = 1; k < s; k++)
+#pragma clang loop unroll(full)
+            for (int64_t j = 0; j < s; j++) row[j] += own[i * s + k] * b[k * s + j];
+#pragma clang loop unroll(full)
+        for (int64_t j = 0; j < s; j++) own[i * s + j] = row[j];
+    }
 }
 
 /* to -= a b, of a block, or of a column. */
-INLINE void subtract_product(const int64_t s, const int64_t columns, const V *a, const V *b, V *to) {
+INLINE void subtract_product(const int64_t s, const int64_t columns, const V *restrict a, const V *restrict b,
+                             V *restrict to) {
 #pragma clang loop unroll(full)
-    for (int64_t i = 0; i < s; i++)
+    for (int64_t i = 0; i < s; i++) {
+        V row[MOST_STAGES];
 #pragma clang loop unroll(full)
-        for (int64_t j = 0; j < columns; j++) {
-            V sum = to[i * columns + j];
+        for (int64_t j = 0; j < columns; j++) row[j] = to[i * columns + j];
 #pragma clang loop unroll(full)
-            for (int64_t k = 0; k < s; k++) sum -= a[i * s + k] * b[k * columns + j];
-            to[i * columns + j] = sum;
-        }
+        for (int64_t k = 0; k < s; k++)
+#pragma clang loop unroll(full)
+            for (int64_t j = 0; j < columns; j++) row[j] -= a[i * s + k] * b[k * columns + j];
+#pragma clang loop unroll(full)
+        for (int64_t j = 0; j < columns; j++) to[i * columns + j] = row[j];
+    }
 }
 
 INLINE void factorise_blocks(const Implicit *m, const int64_t s, const V *least, V *e) {
@@ -98,11 +107,10 @@ INLINE void factorise_blocks(const Implicit *m, const int64_t s, const V *least,
         invert_block(s, least[m->pivot_rows[k]], pivot);
         const int64_t first = m->beside_starts[k], end = m->beside_starts[k + 1];
         for (int64_t b = m->below_starts[k]; b < m->below_starts[k + 1]; b++) {
-            V factor[MOST_STAGES * MOST_STAGES], *own = e + m->below[b] * square;
-            multiply_blocks(s, own, pivot, factor);
-            copy(own, factor, square);
+            V *own = e + m->below[b] * square;
+            multiply_by(s, own, pivot);
             for (int64_t j = first; j < end; j++)
-                subtract_product(s, s, factor, e + m->beside[j] * square, e + *target++ * square);
+                subtract_product(s, s, own, e + m->beside[j] * square, e + *target++ * square);
         }
     }
 }
@@ -198,14 +206,51 @@ static void evaluate_matrix(const Problem *p, Group *g, V time, int64_t number) 
     g->evaluations += 4;
 }
 
+/* One kind of entries, interpolated at the stages from the matrices of a step. */
+INLINE void interpolate_entry(const Implicit *m, const int64_t s, const V *restrict given, V *restrict found) {
+    V values[MATRICES];
+#pragma clang loop unroll(full)
+    for (int64_t k = 0; k < MATRICES; k++) values[k] = given[3 * k * m->given];
+#pragma clang loop unroll(full)
+    for (int64_t r = 0; r < s; r++) {
+        V sum = m->between[r * MATRICES] * values[0];
+#pragma clang loop unroll(full)
+        for (int64_t k = 1; k < MATRICES; k++) sum += m->between[r * MATRICES + k] * values[k];
+        found[r] = sum;
+    }
+}
+
+/* Blocks of the systems of the stages; entries that are not given, but arise in the elimination, are zero. */
+INLINE void put_blocks(const Implicit *m, Group *g, const int64_t s, V size, V *restrict blocks) {
+    const int64_t square = s * s;
+    const V over = 1.0 / size;
+    fill(blocks + m->given * square, 0.0, (m->entries - m->given) * square);
+    for (int64_t i = 0; i < m->given; i++) {
+        V *block = blocks + i * square, *inertia = g->inertia + i * s, *stiffness = g->stiffness + i * s;
+        V plain[MOST_STAGES];
+        const V *first = g->matrices + i;
+        interpolate_entry(m, s, first, inertia);
+        interpolate_entry(m, s, first + m->given, plain);
+        interpolate_entry(m, s, first + 2 * m->given, stiffness);
+#pragma clang loop unroll(full)
+        for (int64_t r = 0; r < s; r++) {
+            const V a = inertia[r] * over, b = stiffness[r] * size;
+#pragma clang loop unroll(full)
+            for (int64_t k = 0; k < s; k++) {
+                V sum = m->inverse[r * s + k] * a + m->matrix[r * s + k] * b;
+                block[r * s + k] = r == k ? sum + plain[r] : sum;
+            }
+        }
+    }
+}
+
 /* Factors of all systems for steps of these sizes. */
 INLINE void factorise_systems(const Problem *p, Group *g, const int64_t s, V size) {
     const Implicit *m = p->implicit;
     const V *first = g->matrices, *plain = first + m->given, *stiffness = plain + m->given;
-    const int64_t square = s * s;
-    fill(g->factors, 0.0, (square + 1) * m->entries);
     V eta = m->eigenvalue / size, over = 1.0 / eta, *blocks = g->factors + m->entries;
-    for (int64_t i = 0; i < m->given; i++) g->factors[m->places[i]] = eta * first[i] + plain[i] + over * stiffness[i];
+    fill(g->factors + m->given, 0.0, m->entries - m->given);
+    for (int64_t i = 0; i < m->given; i++) g->factors[i] = eta * first[i] + plain[i] + over * stiffness[i];
     /* sizes of the rows, which are far from those of the entries after elimination, but not by orders of 1e8 */
     V *least = g->right;
     over = 1.0 / size;
@@ -215,23 +260,7 @@ INLINE void factorise_systems(const Problem *p, Group *g, const int64_t s, V siz
         least[m->rows[i]] = larger(LEAST_PIVOT * x, least[m->rows[i]]);
     }
     factorise_single(m, least, g->factors);
-    for (int64_t i = 0; i < m->given; i++) {
-        V *block = blocks + m->places[i] * square;
-        for (int64_t r = 0; r < s; r++) {
-            V sums[3];
-            for (int64_t part = 0; part < 3; part++) {
-                sums[part] = splat(0.0);
-                for (int64_t k = 0; k < MATRICES; k++)
-                    sums[part] += m->between[r * MATRICES + k] * g->matrices[(3 * k + part) * m->given + i];
-            }
-            g->inertia[i * s + r] = sums[0];
-            g->stiffness[i * s + r] = sums[2];
-            V a = sums[0] * over, b = sums[2] * size;
-#pragma clang loop unroll(full)
-            for (int64_t k = 0; k < s; k++) block[r * s + k] = m->inverse[r * s + k] * a + m->matrix[r * s + k] * b;
-            block[r * s + r] += sums[1];
-        }
-    }
+    put_blocks(m, g, s, size, blocks);
     factorise_blocks(m, s, least, blocks);
 }
 
@@ -411,18 +440,21 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     }
     factorise_systems(p, g, s, size);
     Mask open = g->running, done = {0};
-    V before = splat(0.0), contraction = g->contraction, count = splat(0.0);
+    V before = splat(0.0), contraction = g->contraction, count = splat(0.0), slowest = splat(1e-6);
     for (int64_t k = 0; k < m->iterations && any(open); k++) {
         V change = iterate(p, g, s, size);
         if (k) {
             contraction = choose(open, change / before, contraction);
+            if (k < 3) slowest = choose(open, larger(contraction, slowest), slowest);
             open &= contraction < splat(k > 1 ? SLOWEST : 2.0);
         }
+        slowest = choose(open & ~(change < splat(DIVERGED)), splat(DIVERGED), slowest);
         open &= change < splat(DIVERGED);
         for (int64_t i = 0; i < s * width; i++) g->stages[i] += choose(open, g->changes[i], splat(0.0));
         /* what is left: the changes to come, as a geometric series */
         V left = choose(contraction < splat(SLOWEST), change * contraction / (1.0 - contraction), splat(DIVERGED));
-        Mask enough = open & ((left <= splat(m->tolerance)) | (change <= splat(1e-3 * m->tolerance)));
+        /* the contraction of a step before is a guess */
+        Mask enough = open & ((left <= splat(k ? m->tolerance : GUESSED * m->tolerance)) | (change <= splat(1e-3 * m->tolerance)));
         count = choose(open, count + 1.0, count);
         done |= enough;
         open &= ~enough;
@@ -439,15 +471,17 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     if (any(much)) { /* stiff parts of a large error are smaller than they seem */
         for (int64_t i = 0; i < width; i++) g->work[i] = g->base[i] + error[i];
         evaluate_rate(p, g, g->now, g->slope);
-        V again = estimate(p, g, size, g->slope, error);
-        found = choose(much & (again == again), again, found);
+        V less = estimate(p, g, size, g->slope, error);
+        found = choose(much & (less == less), less, found);
     }
     double most = (double)m->iterations;
     V growth = growth_of(m, found) * (2.0 * most + 1.0) / (2.0 * most + count);
     g->error = choose(done, choose(found == found, found, splat(DIVERGED)), splat(DIVERGED));
-    /* an iteration that took many passes may not converge in a longer step */
-    V most_growth = choose(count > splat(4.5), splat(1.0), choose(count > splat(3.5), splat(1.3), splat(LONGER)));
-    g->growth = choose(g->error < splat(DIVERGED), smaller(growth, most_growth), splat(SHORTER));
+    /* The matrices are those of extrapolated stages.  Their error, and so the contraction, grows with a high power of
+       the size. */
+    V possible = smaller(root(third_root(CONTRACTION / smaller(slowest, splat(1e6)))), splat(LONGER));
+    V again = smaller(larger(possible, splat(SHORTEST)), splat(SHORTER));
+    g->growth = choose(g->error < splat(DIVERGED), smaller(growth, possible), again);
     const V *last = g->stages + (m->stages - 1) * width;
     for (int64_t i = 0; i < width; i++) g->work[i] = g->next[i] = g->base[i] + last[i];
     if (!p->surplus) return;

@@ -44,7 +44,7 @@ typedef struct {
     int64_t multipliers;
     int64_t states;            /* auxiliary states */
     int64_t size, entries, given; /* of the systems: unknowns, entries with fill, entries that are given */
-    const int64_t *places, *rows, *columns;       /* (given): number among the entries, row, column */
+    const int64_t *rows, *columns;                /* (given): row, column; these entries are the first ones */
     const int64_t *inertia, *plain, *stiffness;   /* (given): rows of the work array; -1: one */
     const int64_t *pivots, *pivot_rows, *pivot_columns; /* (size): entries, rows and columns in order of elimination */
     const int64_t *below_starts, *below, *below_rows;   /* of each pivot: entries of its column, and their rows */

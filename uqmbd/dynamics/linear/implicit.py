@@ -83,7 +83,6 @@ def _written(model: Model, system: System, stages: int) -> Dynamics:
         states=layout.states,
         size=system.size + layout.states + contacts.directions,
         entries=len(order.numbers),
-        places=np.arange(len(entries), dtype=np.int64),
         rows=np.array([i for i, _ in entries], dtype=np.int64),
         columns=np.array([j for _, j in entries], dtype=np.int64),
         inertia=table[0],
