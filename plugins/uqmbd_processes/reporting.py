@@ -100,11 +100,16 @@ def _chart(label: str, one: xr.Dataset) -> str:
         low, high = (one["variance_share_interval"].sel(origin=origin, bound=b).values for b in ("lower", "upper"))
         curves.append(Curve(text, share, (Band("95 % interval", low, high),), quantity="share of the variance"))
     mean = _weighted(one)
-    means = ", ".join(f"{text} {100 * mean[origin]:.0f} %" for origin, text in ORIGINS.items())
+    means = ", ".join(f"{text} {_whole_percent(mean[origin])}" for origin, text in ORIGINS.items())
     beyond = f"{BEYOND}" if not all(-5e-3 <= x <= 1.005 for x in mean.values()) else ""
     caption = f"Shares of the variance of {name}{f' ({label})' if label else ''}; over all times: {means}{beyond}."
     title = f"share of the variance of {name}"
     return chart_html(title, one["time"].values, curves, caption, caption, units="1")
+
+
+def _whole_percent(share: float) -> str:
+    """Return a share as whole percents, with the sign that typography uses, and no sign of zero."""
+    return f"{round(100 * share)} %".replace("-", MINUS)
 
 
 def _weighted(one: xr.Dataset) -> dict[str, float]:

@@ -126,7 +126,7 @@ def run_with(study, *methods, **options):
     """Return the tree and the warnings of methods that failed."""
     with pytest.warns(uqmbd.MethodFailedWarning) as told:
         tree = study.with_propagators(methods).run(**options)
-    assert all(issubclass(w.category, uqmbd.MethodFailedWarning) for w in told)
+    assert all(issubclass(w.category, uqmbd.MethodFailedWarning) and w.filename == __file__ for w in told)
     return tree, [str(w.message) for w in told]
 
 

@@ -345,7 +345,7 @@ class Study(StudyData):
             self.model  # noqa: B018 - built once
             found = warned_findings(self.with_propagators(chosen), stacklevel=3)
             outcome = run_methods(self, chosen, executor, progress, folder, terms, resume=resume)
-            outcome.report(self.name, stacklevel=2)
+            outcome.report(self.name, stacklevel=3)
             tree = joined(self, outcome, found)
             if finished is not None:
                 finished(tree)

@@ -393,7 +393,7 @@ def _of_probability(one: Answer, found: list[Answer], methods: int, same: int) -
     if not math.isfinite(one.probability) or (one.lower <= 0 and one.upper >= 1):
         level = 0
     text = (
-        f"the half-width of its 95 % interval is {format_percent(share)} of the probability"
+        f"the longer side of its 95 % interval is {format_percent(share)} of the probability"
         if math.isfinite(share)
         else f"no violation occurred, {one.words}"
     )
