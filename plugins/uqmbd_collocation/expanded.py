@@ -29,7 +29,6 @@ class Expanded:
     attrs: Mapping[str, Any]  # attributes of the node
     children: Mapping[str, xr.Dataset] = field(default_factory=dict)  # additional datasets of the node
     leave_one_out: Array | None = None  # (O, T), leave-one-out errors of a regression
-    bounds: xr.Dataset = field(default_factory=xr.Dataset)  # bounds of the errors of mean and standard deviation
 
     def node(self, propagator: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, wall_time: float) -> xr.DataTree:
         """Return the node of the method, with `wall_time` in s; its times end at the earliest end of its samples."""
@@ -38,7 +37,7 @@ class Expanded:
             return replace(self, chaos=reached, attrs={**self.attrs, "ends_at": last}).node(
                 propagator, problem, wall_time
             )
-        statistics = self.chaos.statistics().assign(self.bounds.data_vars)
+        statistics = self.chaos.statistics()
         if statistics.sizes["time"] < len(problem.times):
             about = statistics["time"].attrs
             statistics = statistics.reindex(time=problem.times)

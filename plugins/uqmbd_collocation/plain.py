@@ -6,7 +6,6 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
-import xarray as xr
 
 import uqmbd
 from uqmbd.results import PolynomialChaos, Status
@@ -15,7 +14,7 @@ from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.gaps import with_gaps
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import nodes_dataset, warn_of_failures
-from uqmbd_collocation.refinement import LOOKS, Limits, history
+from uqmbd_collocation.refinement import Limits, history
 from uqmbd_collocation.runs import CollocationRuns, RealisationSource
 
 __all__ = ["expand", "warn_of_discontinuities"]
@@ -44,17 +43,8 @@ def expand(
         )
         runs = CollocationRuns.filled(source, space, points.germs, known)
     fit, refinement = computed(runs, plans, points, replace(limits, reserved=extremes))
-    # points at which a refinement checked its steps state no errors of moments
-    independent, looks = points, 1
-    if refinement is not None:
-        independent, looks = refinement.confirming or points[:0], LOOKS
-        points = uqmbd.extend.VerificationPoints.joined([points, refinement.fresh or points[:0]])
     verification = runs.verification(points)
     chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
-    bounds = xr.Dataset()
-    if len(independent):
-        seen = runs.verification(independent)
-        bounds = seen.moment_errors(chaos.mean, chaos.std, [chaos], [seen], [1.0], source.labels, looks=looks)
     if extremes:
         error = chaos.verification_error().reshape(runs.response.shape[1:]) if len(verification) else None
         points = plans.with_extremes(points, runs, error)
@@ -87,7 +77,6 @@ def expand(
         attrs if refinement is None else {**attrs, "tolerance_met": str(refinement.met)},
         {} if refinement is None else {"refinement": history(refinement.steps)},
         fit.leave_one_out,
-        bounds,
     )
     return found, runs.wall_time
 

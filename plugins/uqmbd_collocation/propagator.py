@@ -84,12 +84,6 @@ class Collocation(uqmbd.extend.Propagator):
         standard deviation of each output over time. If given, the refinement ends at this error, and `tolerance` has no
         effect. ``dimension`` then refines the level whose terms have the largest root mean square. Runs with an
         accuracy set this option. Default: None. Not with an `alignment`.
-    max_moment_error : float, optional
-        Error of mean and standard deviation, relative to the largest standard deviation of each output over time. A
-        refinement with `max_error` may end at this error before it reaches `max_error`. The refinement then computes at
-        least 32 fresh verification realisations, and ends if their bounds ``error_bound_mean`` and ``error_bound_std``
-        are at most this error. There are at most four such comparisons. Quantiles may be less accurate. Runs with an
-        accuracy set this option, unless the study has requirements. Default: None.
     max_realisations : int
         Largest number of different realisations for each alignment, including verification. A realisation may be
         integrated again, for longer or at more times. This limit counts it once, but ``realisations`` of the results
@@ -209,7 +203,6 @@ class Collocation(uqmbd.extend.Propagator):
     adaptive: Adaptive = "no"
     tolerance: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] = TOLERANCE
     max_error: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] | None = None
-    max_moment_error: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] | None = None
     max_realisations: Annotated[int, uqmbd.extend.Bounds(1, 10**9)] = 5000
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
@@ -249,11 +242,6 @@ class Collocation(uqmbd.extend.Propagator):
                 f"Collocation: max_error={self.max_error:g} ends a refinement by the error of realisations. "
                 "It requires adaptive='order' or 'dimension', no alignment, and verify of 1 or more. Omit max_error, "
                 "or change these options."
-            )
-        if self.max_moment_error is not None and self.max_error is None:
-            raise uqmbd.StudyError(
-                f"Collocation: max_moment_error={self.max_moment_error:g} requires max_error, the error of single "
-                "realisations at which the refinement also ends. Give both, or omit max_moment_error."
             )
         split, aligned = self.elements is not None, self.alignment not in (None, "two-frequency")
         for name, used, what in (
@@ -334,10 +322,6 @@ class Collocation(uqmbd.extend.Propagator):
     def _limits(self) -> uqmbd.extend.ElementLimits:
         return uqmbd.extend.ElementLimits(self.elements, self.max_elements, self.threshold)
 
-    def _refinement_limits(self, rtol: float) -> Limits:
-        most, moments = self.max_realisations, self.max_moment_error
-        return Limits(self.tolerance, most, rtol, error=self.max_error, moments=moments, seed=self.seed)
-
     def _plans(self, label: str) -> Plans:
         return Plans(label, **{f.name: getattr(self, f.name) for f in fields(Plans) if f.name != "label"})
 
@@ -368,10 +352,9 @@ class Collocation(uqmbd.extend.Propagator):
             space,
             self._plans(self.node_name),
             self._limits,
-            self._refinement_limits(study.rtol),
+            Limits(self.tolerance, self.max_realisations, study.rtol, error=self.max_error),
             accuracy,
             aligned=self.alignment is not None,
-            moments=not study.mechanism.requirements,
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
@@ -417,7 +400,7 @@ class Collocation(uqmbd.extend.Propagator):
             If failures leave too few realisations.
         """
         space, plans = problem.germ_space(self.transform), self._plans(problem.label)
-        limits = self._refinement_limits(problem.rtol)
+        limits = Limits(self.tolerance, self.max_realisations, problem.rtol, error=self.max_error)
         begin = problem.clock()
         if self.families:
             uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")

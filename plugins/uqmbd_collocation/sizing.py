@@ -87,18 +87,16 @@ def sized(
     accuracy: float | None,
     *,
     aligned: bool,
-    moments: bool,
 ) -> uqmbd.extend.Sizing | None:
     """Return options for an accuracy: the order; refinements and splits end at the accuracy or their limit.
 
     `changed`: function that returns the method with changed options; `splits`: limits of elements; `limits`: of a
-    refinement; `aligned`: whether an alignment is used; `moments`: whether mean and standard deviation are the only
-    results that the study compares.
+    refinement; `aligned`: whether an alignment is used.
     """
 
     def tighter(factor: float) -> uqmbd.extend.Sizing:
         assert accuracy is not None
-        found = sized(changed, space, plans, splits, limits, factor * accuracy, aligned=aligned, moments=moments)
+        found = sized(changed, space, plans, splits, limits, factor * accuracy, aligned=aligned)
         assert found is not None
         return found
 
@@ -119,12 +117,9 @@ def sized(
         if accuracy is not None:
             tolerance = TOLERANCE if plain else accuracy / BOUND
         error = limits.error if accuracy is None or not plain else ROOM * accuracy
-        fresh = limits.moments if accuracy is None or not plain else accuracy if moments else None
-        also: tuple[str, ...] = () if accuracy is None else ("tolerance",)
-        if accuracy is not None and plain:
-            also = ("max_error", "max_moment_error", "tolerance")
+        also = () if accuracy is None else ("max_error", "tolerance") if plain else ("tolerance",)
         least = _first_nodes(space, plans, aligned=aligned) + plans.verify
-        return to_limit(least, also, {"tolerance": tolerance, "max_error": error, "max_moment_error": fresh})
+        return to_limit(least, also, {"tolerance": tolerance, "max_error": error})
     given = any(getattr(plans, name) is not None for name in ("nodes", "level", "samples", "expansion"))
     if given or not plans.verify:
         return None

@@ -253,21 +253,3 @@ def test_a_number_of_realisations_is_stated_only_where_they_are_the_limit(helpfu
         warn_unmet("mine", Limits(tolerance=1e-2, most=100, rtol=1e-9), steps, "a reason", helpful)
     assert ("about 1000 would meet" in str(seen[0].message)) == (helpful == "realisations")
     assert "Monte Carlo" not in str(seen[0].message)
-
-
-@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of 26 %, of single realisations
-def test_verification_realisations_of_a_fixed_order_bound_the_errors_of_the_moments(resting):
-    """A parabola of the first order: the standard deviation misses 1 / sqrt(45) of the square."""
-    study = resting(lambda a: a + a**2 / 2, UNIFORM)
-    node = study.propagate(Collocation(order=1, nodes=3, verify=64))
-    found = node["statistics"].to_dataset().isel(output=0, time=0)
-    assert found["std"].item() == pytest.approx(3**-0.5)
-    true = np.sqrt(1 / 3 + 1 / 45) - 3**-0.5
-    assert true <= found["error_bound_std"].item() < 0.2
-    assert node["statistics"]["error_bound_mean"].dims == ("output", "time")
-    assert "error_bound_mean" not in study.propagate(Collocation(order=1, nodes=3))["statistics"]
-
-
-def test_a_maximum_error_of_moments_alone_is_refused():
-    with pytest.raises(uqmbd.StudyError, match="max_moment_error=0.01 requires max_error"):
-        Collocation(adaptive="order", max_moment_error=0.01)

@@ -367,7 +367,7 @@ KINDS: dict[str, str] = {
     "integrator": "choice", "start": "choice", "samples": "count", "seed": "count", "order": "count", "verify": "count", "label": "name", "distribution": "distribution",
     "number": "count", "at": "choice", "resume": "flag", "body_i": "body", "body_j": "body", "body": "body", "mechanism": "special",
     "carrier": "body or none", "sampling": "choice", "replicates": "count", "max_failures": "share", "keep": "count", "control": "choice", "sobol_indices": "flag",
-    "index_set": "choice", "weights": "counts", "method": "choice", "rule": "choice", "nodes": "counts", "level": "count", "adaptive": "choice", "tolerance": "share", "max_error": "share", "max_moment_error": "share",
+    "index_set": "choice", "weights": "counts", "method": "choice", "rule": "choice", "nodes": "counts", "level": "count", "adaptive": "choice", "tolerance": "share", "max_error": "share",
     "max_realisations": "count", "elements": "count", "max_elements": "count", "threshold": "share", "alignment": "choice", "clock": "name", "transform": "choice", "linear_solver": "choice",
     "stop_at": "share", "expansion": "polynomials", "x": "law", "x0": "law", "y0": "law", "x1": "law", "y1": "law",
 }  # fmt: skip

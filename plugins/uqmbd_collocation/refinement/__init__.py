@@ -12,10 +12,8 @@ from uqmbd_collocation.refinement.steps import (
     history,
     warn_unmet,
 )
-from uqmbd_collocation.refinement.trials import LOOKS
 
 __all__ = [
-    "LOOKS",
     "Limits",
     "Refinement",
     "RefinementStep",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -10,8 +10,7 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
-from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, scale_of, warn_unmet
-from uqmbd_collocation.refinement.trials import Trials
+from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import Level, in_order, lower_levels, nodes_of_levels, tensor_projection
 
@@ -134,15 +133,13 @@ def refine_dimensions(
     done, reason = {root}, ""
     helpful: Literal["realisations", "samples", "neither"] = "realisations"
     steps: list[RefinementStep] = []
-    trials = Trials(runs, points, limits)
     waiting: dict[Level, tuple[Array, Array, Array]] = {}
     ended: list[tuple[Array, Array, Array]] = []
     new = [root, *new]
     while True:
         where = runs.at(grid.nodes(new)) if new else np.zeros(0, dtype=np.int64)
         if not runs.good(where).all():
-            failed = _after_failure(runs, [*grid.found, *new], grid, steps, limits, label)
-            return replace(failed, fresh=trials.fresh)
+            return _after_failure(runs, [*grid.found, *new], grid, steps, limits, label)
         for level in new:
             waiting[level] = grid.add(level)
         waiting.pop(root, None)
@@ -150,10 +147,10 @@ def refine_dimensions(
         scale = _scale(runs, coefficients)
         changes = scale.measure(*(_sum(k, [*waiting.values(), *ended], scale.std) for k in (0, 1)))
         settled = max(changes) < limits.tolerance
-        missed = trials.missed(coefficients, multi_index)
+        missed = missed_share(runs, coefficients, multi_index, points)
         steps.append(RefinementStep(len(runs), len(multi_index), *changes, missed))
         steps[-1].log(label, limits)
-        if steps[-1].met(limits, settled=settled) or trials.end(coefficients, multi_index, steps[-1].error):
+        if steps[-1].met(limits, settled=settled):
             break
         if not waiting:
             reason = (
@@ -180,7 +177,7 @@ def refine_dimensions(
         warn_unmet(label, limits, steps, reason, helpful)
     how = f"adaptive sparse grid of {len(grid.found)} tensor projections"
     fit = Fit(coefficients, multi_index, how, runs.at(grid.nodes(list(grid.found))))
-    return Refinement(fit, tuple(steps), not reason, trials.fresh, trials.confirming)
+    return Refinement(fit, tuple(steps), met=not reason)
 
 
 def _scale(runs: CollocationRuns, coefficients: Array) -> _Scale:

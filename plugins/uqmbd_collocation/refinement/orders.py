@@ -10,8 +10,7 @@ import numpy as np
 import uqmbd
 from uqmbd_collocation.fitting import Fit, QuadratureProjection, Regression
 from uqmbd_collocation.plans import TooManyNodes
-from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, scale_of, warn_unmet
-from uqmbd_collocation.refinement.trials import Trials
+from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import SparseProjection
 from uqmbd_collocation.user_expansion import UserProjection
@@ -38,7 +37,6 @@ def raise_order(
     refinement. Raise StudyError if the first order is impossible.
     """
     steps: list[RefinementStep] = []
-    trials = Trials(runs, points, limits)
     fit: Fit | None = None
     terms = 0
     for order in range(first, max(first, HIGHEST) + 1):
@@ -48,7 +46,7 @@ def raise_order(
                 continue  # with weights, some orders have no new terms
             terms = len(planned.multi_index)
             planned.check(runs.space)
-            wanted = np.concatenate([planned.nodes, trials.points.germs])
+            wanted = np.concatenate([planned.nodes, points.germs])
             more = len(runs.missing(wanted)) + limits.reserved
             if len(runs) + more > limits.most:
                 raise TooManyNodes(f"it needs {more} more realisations, but max_realisations is {limits.most}")
@@ -59,29 +57,27 @@ def raise_order(
                 raise
             reason, more = f"order {order} is not possible: {error}", isinstance(error, TooManyNodes)
             warn_unmet(label, limits, steps, reason, "realisations" if more else "neither")
-            return Refinement(fit, tuple(steps), fresh=trials.fresh)
+            return Refinement(fit, tuple(steps))
         changes = _changes(runs, fit, following)
         fit = following
-        missed = trials.missed(fit.coefficients, fit.multi_index)
+        missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
         steps.append(RefinementStep(len(runs), len(fit.multi_index), *changes, missed))
         steps[-1].log(label, limits)
         complete = terms == _most_terms(runs.space)
         if steps[-1].met(limits, settled=complete or steps[-1].change < limits.tolerance):
-            return Refinement(fit, tuple(steps), met=not fit.failed, fresh=trials.fresh)
-        if not fit.failed and trials.end(fit.coefficients, fit.multi_index, steps[-1].error):
-            return Refinement(fit, tuple(steps), met=True, fresh=trials.fresh, confirming=trials.confirming)
+            return Refinement(fit, tuple(steps), met=not fit.failed)
         if fit.failed:
             warn_unmet(
                 label, limits, steps, "the refinement of the order stopped because realisations failed", "neither"
             )
-            return Refinement(fit, tuple(steps), fresh=trials.fresh)
+            return Refinement(fit, tuple(steps))
         if complete:
             warn_unmet(label, limits, steps, f"the basis contains all {terms} possible terms already", "neither")
-            return Refinement(fit, tuple(steps), fresh=trials.fresh)
+            return Refinement(fit, tuple(steps))
     if fit is None:
         raise uqmbd.StudyError(f"{label}: the refinement tried no order.")
     warn_unmet(label, limits, steps, f"order {max(first, HIGHEST)} is the highest order of the refinement", "samples")
-    return Refinement(fit, tuple(steps), fresh=trials.fresh)
+    return Refinement(fit, tuple(steps))
 
 
 def _most_terms(space: uqmbd.extend.GermSpace) -> int | None:

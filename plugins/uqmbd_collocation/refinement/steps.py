@@ -51,9 +51,6 @@ class Limits:
     # root mean square error at the verification points that ends the refinement, relative to the largest standard
     # deviation of each output over time; None: the tolerance ends it
     error: float | None = None
-    # error of mean and standard deviation at fresh points that ends the refinement, relative as `error`; None: no trial
-    moments: float | None = None
-    seed: int = 0  # seed of the fresh points
 
 
 @dataclass(frozen=True)
@@ -104,8 +101,6 @@ class Refinement:
     fit: Fit
     steps: tuple[RefinementStep, ...] = field(default=())
     met: bool = False
-    fresh: uqmbd.extend.VerificationPoints | None = None  # additional verification points, of trials of the end
-    confirming: uqmbd.extend.VerificationPoints | None = None  # those of them that confirmed the end
 
 
 def scale_of(runs: CollocationRuns, mean: Array, variance: Array) -> Array:

@@ -67,15 +67,9 @@ def warn_of_surrogates(
         bad = np.flatnonzero(wrong.any(axis=1))
         std = over_time(statistics["std"].values)
         whole = spread_words(timed and exceeds_locally(error[bad], std[bad], np.full(len(bad), COARSE)).any())
-        reliance = "Do not rely on these statistics"
-        if {"error_bound_mean", "error_bound_std"} <= set(statistics):
-            reliance = (
-                "Mean and standard deviation are within error_bound_mean and error_bound_std; do not rely on other "
-                "statistics"
-            )
         warnings.warn(
-            f"{label}: the stated error{of} exceeds {COARSE:.0%} of {whole}: {_listed(found)}. {reliance}. "
-            f"{_remedy(node, timed, names, wrong)}",
+            f"{label}: the stated error{of} exceeds {COARSE:.0%} of {whole}: {_listed(found)}. Do not rely on these "
+            f"statistics. {_remedy(node, timed, names, wrong)}",
             SurrogateWarning,
             stacklevel=5,
         )

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
 
-from uqmbd.arguments import Count, NotNegative, Share, Size, shown, typechecked
+from uqmbd.arguments import NotNegative, Share, Size, shown, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.propagation.chaos.moment_errors import FEWEST_FOR_MOMENTS, Stratum, moment_bounds
 from uqmbd.propagation.chaos.verification_points import VerificationPoints
 from uqmbd.propagation.execution import Realisations
 from uqmbd.randomness import GermSpace
@@ -180,94 +178,6 @@ class Verification:
         requested = sum(one.asked for one in verified)
         lost = sum(share * one.lost for one, share in zip(verified, boxes, strict=True))
         return float((failed + requested * lost) / max(nodes + requested, 1))
-
-    @staticmethod
-    def moment_errors(
-        mean: Array,
-        std: Array,
-        parts: Sequence[PolynomialChaos],
-        verified: Sequence[Verification],
-        boxes: Sequence[Share],
-        labels: Labels,
-        *,
-        looks: Count = 1,
-    ) -> xr.Dataset:
-        """Return bounds of the errors of mean and standard deviation, with 95 % confidence.
-
-        The differences of realisations and surrogate estimate the errors of its moments. Each bound is the distance of
-        a moment from the far end of the confidence interval. The realisations must not have chosen the surrogate: a
-        refinement that ends at its verification realisations needs new ones.
-
-        Parameters
-        ----------
-        mean, std : array, shape (output, time)
-            Moments of the surrogate, in the units of the outputs.
-        parts : sequence of PolynomialChaos
-            Chaos of each element; a single chaos for the whole germ space.
-        verified : sequence of Verification
-            Verification realisations of each element.
-        boxes : sequence of float
-            Probabilities of the elements; 1 for the whole germ space.
-        labels : uqmbd.extend.Labels
-            Labels of the outputs and times.
-        looks : int
-            Number of times that a method compares such bounds with a limit before it ends. Several looks have wider
-            bounds, so that the bounds at the end are too small in at most 5 % of runs.
-
-        Returns
-        -------
-        xarray.Dataset
-            Variables ``error_bound_mean`` and ``error_bound_std`` (output, time), in the units of the outputs. The
-            dataset is empty for fewer than 30 realisations in all, or fewer than two in an element.
-
-        Raises
-        ------
-        StudyError
-            If the numbers of chaoses, verifications and probabilities differ.
-
-        Examples
-        --------
-        >>> import chaospy, numpy as np, uqmbd
-        >>> from uqmbd.extend import Verification, VerificationPoints, labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> points = VerificationPoints.drawn(space, 64, seed=0, stream=1)
-        >>> seen = Verification(space, points, points.germs[:, :, None], asked=64)  # the response is the germ
-        >>> axes = labels(["y"], ["a"], [1.0])
-        >>> linear = seen.chaos(np.array([[[0.0]], [[3**-0.5]]]), np.array([[0], [1]]), axes)
-        >>> found = Verification.moment_errors(linear.mean, linear.std, [linear], [seen], [1.0], axes)
-        >>> {name: float(values.round(6).item()) for name, values in found.data_vars.items()}
-        {'error_bound_mean': 0.0, 'error_bound_std': 0.0}
-        """
-        if not len(parts) == len(verified) == len(boxes):
-            raise StudyError(
-                f"Verification.moment_errors: found {len(parts)} chaoses, {len(verified)} verifications and "
-                f"{len(boxes)} probabilities; expected one of each for every element."
-            )
-        counts = [len(one) for one in verified]
-        if sum(counts) < FEWEST_FOR_MOMENTS or (len(counts) > 1 and min(counts) < 2):
-            return xr.Dataset()
-        shape = (len(labels.outputs), -1)
-        strata = []
-        for part, one, probability in zip(parts, verified, boxes, strict=True):
-            values = part.evaluate_germs(one.points.germs).reshape(len(one), *shape)
-            response = one.response.reshape(len(one), *shape)[:, :, : values.shape[2]]
-            strata.append(Stratum(float(probability), values, response, one.points.weights))
-        bounds = moment_bounds(mean.reshape(shape), std.reshape(shape), strata, looks)
-        comment = "with 95 % confidence, from verification realisations that did not choose the surrogate"
-        about = ("mean", "mean"), ("std", "standard deviation")
-        return xr.Dataset(
-            {
-                f"error_bound_{key}": (
-                    labels.dims,
-                    bound.reshape(labels.shape),
-                    {"long_name": f"bound of the error of the {words}", "comment": comment},
-                )
-                for (key, words), bound in zip(about, bounds, strict=True)
-            }
-        )
 
     def chaos(self, coefficients: Array, multi_index: Index, labels: Labels) -> PolynomialChaos:
         """Make a verified chaos; if it has fewer times than the labels, it uses the first times of the labels.

@@ -86,36 +86,6 @@ class VerificationPoints:
         return cls(germs, mixture.weights(germs))
 
     @classmethod
-    def joined(cls, parts: Sequence[VerificationPoints]) -> VerificationPoints:
-        """Join points of the same germ space, each with its weight.
-
-        Parameters
-        ----------
-        parts : sequence of VerificationPoints
-            One or more sets of points.
-
-        Returns
-        -------
-        VerificationPoints
-            All points.
-
-        Raises
-        ------
-        StudyError
-            If there are no sets of points.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> one = VerificationPoints(np.zeros((2, 1)), np.ones(2))
-        >>> len(VerificationPoints.joined([one, one]))
-        4
-        """
-        if not parts:
-            raise StudyError("VerificationPoints.joined: parts is empty; expected one or more sets of points.")
-        return cls(np.concatenate([one.germs for one in parts]), np.concatenate([one.weights for one in parts]))
-
-    @classmethod
     def of_elements(
         cls, boxes: Sequence[GermBox], first: Seed, count: Size, seed: Seed, stream: Seed
     ) -> list[VerificationPoints]:

@@ -86,9 +86,8 @@ def stated_accuracy(
         to its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
         replaces 1.96. For a surrogate it is the root mean square error of single realisations, from its verification.
         Errors of mean and standard deviation do not exceed it (Cauchy-Schwarz inequality), and are usually a fifth of
-        it. If the result states smaller ``error_bound_mean`` and ``error_bound_std``, these are the half-widths. They
-        require 30 verification realisations that did not choose the surrogate. Outputs that do not vary are ignored.
-        The integration error, which more realisations do not reduce, is stated separately.
+        it. Outputs that do not vary are ignored. The integration error, which more realisations do not reduce, is
+        stated separately.
 
         ``probabilities``: the longer side of the 95 % interval of each probability of violation, relative to that
         probability.
@@ -167,9 +166,7 @@ def _half_widths(statistics: xr.Dataset, own: OwnError, kind: str, *, usual: boo
     noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
     if usual and noisy and own.freedom >= own.samples - 1:
         noise = getattr(own, f"noise_{kind}")
-    bound = f"error_bound_{kind}"
-    missed = np.fmin(own.missed, over_time(statistics[bound].values)) if bound in statistics else own.missed
-    return TWO_SIDED * noise + missed
+    return TWO_SIDED * noise + own.missed
 
 
 def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:

@@ -33,8 +33,6 @@ _ROLES: Mapping[Role, tuple[str, ...]] = {
             "integration_error",
             "integration_error_rms",
             "stated_error",
-            "error_bound_mean",
-            "error_bound_std",
             "response",
             "verification_response",
             "output_angle",

@@ -41,7 +41,7 @@ INTEGRATION_ERRORS = ("integration_error", "integration_error_rms", "integration
 _NOT_NEGATIVE = (
     "std", "variance", "std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std",
     "quantile_error", *INTEGRATION_ERRORS, "circular_std", "verification_error", "verification_factor",
-    "stated_error", "error_bound_mean", "error_bound_std",
+    "stated_error",
 )  # fmt: skip
 _SHARES = ("censored", "censored_bound")
 _INTERVALS = ("sobol_first_interval", "sobol_total_interval", "quantile_interval")
