@@ -226,7 +226,8 @@ class Finding:
             isinstance(name, str) and isinstance(error, float) and not error < 0 for name, error in pairs
         ):
             raise StudyError(
-                f"Finding: hidden_errors is {pairs!r}; expected a tuple of pairs (name, error) with errors from 0 on."
+                f"Finding: hidden_errors is {pairs!r}; expected a tuple of pairs of a name and an error, which is a "
+                "float of 0 or more, or NaN."
             )
 
     @property

@@ -37,6 +37,9 @@ FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 ROUGH = 1e-4
 """Largest relative error of the variances of which shares are computed."""
 
+APART = 1e-12
+"""Response, relative to the largest state, that is rounding."""
+
 REMEDY = "Give the process a higher cutoff=, or a spectrum with a lower band"
 """Advice for paths that change much of a variance."""
 
@@ -82,6 +85,10 @@ class LostVariance:
             return
         every, unknown = _lost_shares(mechanism, expressions, float(study.times[0]))
         shares = {output: found[0] for output, found in every.items()}
+        curved = dict.fromkeys(unknown, False)
+        for output, expression in expressions:
+            if output in unknown:
+                curved[output] |= _is_curved(expression)
         parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
         parts += [f"an unknown share of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
         much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
@@ -101,14 +108,20 @@ class LostVariance:
             f"frequencies {_effect(lossy.values())}. This changes the variance of the linear response at the means by "
             f"{', '.join(parts)}{_averaged(lossy.values())}",
             advice,
-            hidden_errors=_errors_of_std(shares, unknown),
+            hidden_errors=_errors_of_std(shares, [name for name, why in unknown.items() if why or curved[name]]),
         )
 
 
-def _errors_of_std(shares: dict[str, float], unknown: dict[str, str]) -> tuple[tuple[str, float], ...]:
+def _errors_of_std(shares: dict[str, float], unknown: list[str]) -> tuple[tuple[str, float], ...]:
     """Return relative errors of standard deviations from changed shares of variances; NaN for unknown shares."""
     known = [(output, 1.0 - math.sqrt(max(1.0 - share, 0.0))) for output, share in shares.items()]
-    return (*known, *((output, math.nan) for output, reason in unknown.items() if reason))
+    return (*known, *((output, math.nan) for output in unknown))
+
+
+def _is_curved(expression: Any) -> bool:
+    """Return whether an expression is nonlinear in quantities of the motion, so that it may vary without a slope."""
+    moving = {s for s in _symbols(expression) if not isinstance(s, uqmbd.RandomVariable) and s != uqmbd.t}
+    return any(expression.diff(s).free_symbols & moving for s in moving)
 
 
 @uqmbd.extend.linear_output(power=0)
@@ -117,6 +130,8 @@ def _lost_share(system: LinearSystem, factor: float) -> tuple[NDArray[np.float64
 
     The share is -1 without a variance.
     """
+    if _is_apart(system):
+        return np.full(len(system), -1.0), [""] * len(system)
     whole, reasons = moments(system, (0,), ROUGH)
     sources = [channel.source for channel in system.channels]
     own = [k for k, p in enumerate(sources) if math.isfinite(p.variance) and p.lost_variance]
@@ -125,6 +140,17 @@ def _lost_share(system: LinearSystem, factor: float) -> tuple[NDArray[np.float64
     with np.errstate(all="ignore"):
         share = np.where(whole[0] == 0, -1.0, lost[0] / whole[0])
         return share, [one or other for one, other in zip(reasons, more, strict=True)]
+
+
+def _is_apart(system: LinearSystem) -> bool:
+    """Return whether the responses to all processes are rounding of the states, so that an output has no response."""
+    frequencies = np.abs(system.eigenvalues)
+    frequencies = np.where(frequencies > 0, frequencies, 1.0)
+    identity = np.eye(system.a.shape[1])
+    states = np.linalg.solve(1j * frequencies[:, :, None, None] * identity - system.a[:, None], system.b[:, None])
+    most = np.abs(states).max(axis=(1, 2, 3), initial=0.0) * np.abs(system.c).max(axis=1, initial=0.0)
+    responses = np.abs(system.transfer(frequencies)).max(axis=(1, 2), initial=0.0)
+    return bool((responses <= APART * most).all() and not system.e.any())
 
 
 @dataclass(frozen=True)

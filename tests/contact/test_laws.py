@@ -112,7 +112,8 @@ def test_what_is_no_law(make, told):
 @pytest.mark.filterwarnings("ignore:.*starts .* deep")
 def test_slope_of_a_road_knows_the_random_variables_of_its_own():
     """The level has no part in the slope: a ball at rest on an inclined road is accelerated by the slope alone."""
-    level, slope = (uqmbd.RandomVariable(name, chaospy.Uniform(0.1, 0.9), units="1") for name in ("level", "slope"))
+    units = {"level": "m", "slope": "1"}
+    level, slope = (uqmbd.RandomVariable(name, chaospy.Uniform(0.1, 0.9), units=units[name]) for name in units)
     mechanism = uqmbd.Mechanism("incline", uqmbd.Translational(gravity=(0, -10)))
     ball = mechanism.body("ball", mass=1, position=(0, 0.3))
     contact = mechanism.add(

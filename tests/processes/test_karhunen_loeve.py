@@ -88,8 +88,22 @@ def test_the_lost_share_is_part_of_the_assessment():
         assessed = uqmbd.results.assess(study.run())
     (acceleration,), (travel,) = assessed.of("acceleration"), assessed.of("travel")
     assert (acceleration.word, travel.word) == ("no", "no")
-    assert "does not contain: 43 % of the standard deviation" in acceleration.reason
+    assert "the stated error excludes 43 % of the standard deviation" in acceleration.reason
     assert "random process 'road'" in acceleration.reason
+
+
+def test_a_share_without_a_linear_response_is_unknown():
+    """The square of a displacement from its mean has no slope there, and the height of another body no paths."""
+    car = quarter_car(expanded(40.0, 12))
+    other = car.body("other", mass=1, position=1)
+    car.add(SpringDamper("own", car.ground, other, 0, 0, stiffness=100, damping=1, free_length=1))
+    height = car.bodies["body"].position[0]
+    car.output("square", (height - 0.8) ** 2, units="m^2")
+    car.output("apart", other.position[0], units="m")
+    (finding,) = LostVariance().find(uqmbd.Study("s", car, [0.0, 1.0], [MonteCarlo(samples=2)], start="equilibrium"))
+    errors = dict(finding.hidden_errors)
+    assert "apart" not in errors
+    assert math.isnan(errors["square"]) or errors["square"] > 0
 
 
 @pytest.mark.parametrize("cutoff", [None, 5.0, 10.0])

@@ -208,7 +208,7 @@ def test_the_loss_of_each_output_is_that_of_the_limited_spectrum():
         found.append([float(values[name]) ** 2 for name in ("position", "acceleration")])
     lost = 1 - np.divide(*found)
     stated = [
-        float(part.split(" %")[0].split()[-1]) / 100 for part in finding.message.split("at the means:")[1].split(",")
+        float(part.split(" %")[0].split()[-1]) / 100 for part in finding.message.split("at the means by")[1].split(",")
     ]
     np.testing.assert_allclose(stated, lost, rtol=0.06)
     assert finding.severity is uqmbd.extend.Severity.WARNING
@@ -222,14 +222,14 @@ def test_the_loss_of_requirements_and_summaries_is_stated():
         (found,) = [x for x in uqmbd.findings(study) if "sampled paths" in x.message]
         return found.message
 
-    expected = finding(lambda m, body: m.output("x", body.acceleration[0])).split("at the means: ")[1]
+    expected = finding(lambda m, body: m.output("x", body.acceleration[0])).split("at the means by ")[1]
     for declare in (
         lambda m, body: m.require("x", body.acceleration[0] <= 20),
         lambda m, body: m.require("x", uqmbd.maximum(body.acceleration[0]) <= 20),
         lambda m, body: m.output("x", uqmbd.maximum(body.acceleration[0]) * uqmbd.minimum(body.position[0])),
         lambda m, body: m.output("x", uqmbd.first_time(body.acceleration[0] > 20)),
     ):
-        assert finding(declare).split("at the means: ")[1] == expected
+        assert finding(declare).split("at the means by ")[1] == expected
 
 
 def test_a_lower_cutoff_with_its_loss_is_suggested():
@@ -246,7 +246,7 @@ def test_a_lower_cutoff_with_its_loss_is_suggested():
     cutoff = float(remedy.split("with ")[1].split(" Hz")[0])
     suggested = float(remedy.split("more than ")[1].split(" %")[0])
     assert 2.0 < cutoff < 15.0 and 0.001 <= suggested <= 0.1
-    stated = finding(cutoff).message.split("at the means: ")[1].split(" of ")[0]
+    stated = finding(cutoff).message.split("at the means by ")[1].split(" of ")[0]
     share = 0.001 if stated.startswith("below") else float(stated.removesuffix(" %"))
     # the cutoff is rounded up
     assert 0.7 * suggested <= share <= 1.01 * suggested

@@ -104,7 +104,8 @@ def check_times(times: ArrayLike, where: str) -> Array:
     steps, size = np.diff(grid), float(np.abs(grid).max())
     if size > LONGEST:
         raise StudyError(
-            f"{where}: the largest time is {size:.3g} s; expected at most {LONGEST:g} s. Choose a larger unit of time."
+            f"{where}: the largest of the times is {size:.3g} s; expected at most {LONGEST:g} s. Choose a larger unit "
+            "of time."
         )
     if steps.min() < (least := max(SHORTEST, APART * size)):
         k = int(np.argmin(steps))

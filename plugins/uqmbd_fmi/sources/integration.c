@@ -61,6 +61,7 @@ static int64_t find_legs(const Motion *of, double end, double *ends) {
 static void prepare(Run *run, Motion *of, double end, Report *to) {
     memset(run, 0, sizeof *run);
     if (of->clustered < 0 || of->clustered >= CLUSTER) of->clustered = 0; /* of a damaged saved state */
+    of->noted = 0; /* a model has no room for notes */
     run->times[0] = run->now = run->begin = run->node_times[NODES - 1] = of->time;
     run->times[1] = end;
     run->last_leg = find_legs(of, end, run->ends) - 1;
@@ -173,22 +174,23 @@ static int report_overlap(const Motion *of, const double *found, Report *to) {
 static void report_undecided(const Run *run, Motion *of, int event, Report *to) {
     double found[CONTACT_ROWS + 1];
     const char *const name = motion_event_names[event];
+    if (of->stalled > CROWDED) {
+        report(to, ERROR, "%s: more than %d events occur at t = %.6g s.", name, CROWDED, run->now);
+        return;
+    }
     evaluate_contacts(run, of, found);
     for (int k = 0; k < MOTION_EVENTS; k++)
         if (k != event && is_contact(k) && (of->mode[k] != OPEN || found[k] <= CLOSED * of->length)) {
             report(to, ERROR,
-                   "%s and %s touch at the same time, t = %.6g s. uqmbd decides about this event, this FMU does not.", name,
-                   motion_event_names[k], run->now);
+                   "%s and %s touch at the same time, t = %.6g s. This FMU cannot decide about this event; uqmbd.simulate may.",
+                   name, motion_event_names[k], run->now);
             return;
         }
-    if (of->stalled > CROWDED)
-        report(to, ERROR, "%s: more than %d events occur at t = %.6g s.", name, CROWDED, run->now);
-    else
-        report(to, ERROR,
-               "%s: the laws of contact and friction do not determine the motion at t = %.6g s. Possible reasons: a "
-               "sliding body is wedged (Painleve's paradox), friction is exactly at its limit, a driver pushes one body "
-               "into another, or the pose is singular. Lower the coefficient of friction, or use a compliant contact.",
-               name, run->now);
+    report(to, ERROR,
+           "%s: the laws of contact and friction do not determine the motion at t = %.6g s. Possible reasons: a "
+           "sliding body is wedged (Painleve's paradox), friction is exactly at its limit, a driver pushes one body "
+           "into another, or the pose is singular. Lower the coefficient of friction, or use a compliant contact.",
+           name, run->now);
 }
 
 /* Let the driver decide about the event of a guard (see events.h), or report why it cannot. */

@@ -290,7 +290,7 @@ def test_a_method_that_misses_a_spread_is_not_said_to_have_nothing_to_know() -> 
         (0.4, "no", "40 % of the"),
         (0.07, "roughly", "7.0 % of the"),
         (0.03, "yes", "3.0 % of the"),
-        (math.nan, "roughly", "unknown"),
+        (math.nan, "roughly", "an error of unknown size"),
     ],
 )
 def test_errors_that_no_method_states_lower_the_reliability(error, word, size):
@@ -303,7 +303,7 @@ def test_errors_that_no_method_states_lower_the_reliability(error, word, size):
     tree.attrs |= finding_attributes([finding])
     (one,) = results.assess(tree).reliability
     assert one.word == word
-    assert f"does not contain: {size}" in one.reason and "process 'road'" in one.reason
+    assert f"the stated error excludes {size}" in one.reason and "process 'road'" in one.reason
 
 
 def test_small_errors_that_no_method_states_are_omitted():

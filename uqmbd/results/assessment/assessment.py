@@ -352,7 +352,7 @@ def _of_requirements(
 def _hidden_errors(tree: xr.DataTree) -> dict[str, tuple[float, str]]:
     """Return the largest error that no method states, NaN if unknown, and its place in the study, by quantity."""
     found: dict[str, tuple[float, str]] = {}
-    for finding in stored_findings(tree):
+    for finding in (one for node in tree.subtree for one in stored_findings(node)):
         for name, error in finding.hidden_errors:
             if name not in found or not error <= found[name][0]:
                 found[name] = error, finding.place
@@ -361,11 +361,15 @@ def _hidden_errors(tree: xr.DataTree) -> dict[str, tuple[float, str]]:
 
 def _with_hidden_error(one: OutputReliability, error: float, place: str) -> OutputReliability:
     """Return the reliability of a quantity with an error that no method states, relative to the standard deviation."""
-    if error <= EXACT or one.level == len(LEVELS) - 1:
+    if error <= EXACT:
         return one
-    level = 1 if math.isnan(error) else 0 if error > COARSE else 1 if error > WELL else one.level
-    size = "unknown" if math.isnan(error) else f"{format_percent(error)} of the standard deviation"
-    reason = f"{one.reason}; an error that this does not contain: {size} (see the warning about {place})"
+    timed = one.kind != "requirement"
+    both = error + (one.error if timed and one.level == 2 else 0.0)
+    level = 0 if both > COARSE else 1 if math.isnan(both) or both > WELL else 2
+    # small probabilities change by more than the standard deviation
+    level = min(level, 2 if timed else 1)
+    size = "an error of unknown size" if math.isnan(error) else f"{format_percent(error)} of the standard deviation"
+    reason = f"{one.reason}; the stated error excludes {size} (see the finding about {place})"
     return replace(one, level=min(one.level, level), reason=reason, error=max(one.error, min(error, 1.0)))
 
 
