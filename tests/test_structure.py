@@ -51,7 +51,7 @@ STATEMENTS = {
     "uqmbd_joints": 610,
     "uqmbd_models": 1620,
     "uqmbd_montecarlo": 1_290,
-    "uqmbd_processes": 2_820,
+    "uqmbd_processes": 2_850,
     "uqmbd_flexible": 1_030,
     "uqmbd_pytest": 40,
     "uqmbd_reliability": 2_130,
