@@ -365,8 +365,8 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
         g->work[p->time] = smaller(larger(g->now, g->low), g->high);
         look(p, g, some, guards);
         for (int64_t l = 0; l < LANES; l++) {
-            int64_t k = guards[l] / 2, m = g->member[l];
             if (!some[l]) continue;
+            int64_t k = guards[l] / 2, m = g->member[l];
             several[l] = !is_alone(p, g, l, k);
             if (!are_at_rest(p, g, l) || (several[l] && kinds[l] != LANDS && kinds[l] != STOPS)) {
                 kinds[l] = UNDECIDED;

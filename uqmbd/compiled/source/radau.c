@@ -443,12 +443,14 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     V before = splat(0.0), contraction = g->contraction, count = splat(0.0), slowest = splat(1e-6);
     for (int64_t k = 0; k < m->iterations && any(open); k++) {
         V change = iterate(p, g, s, size);
+        Mask tried = open;
         if (k) {
             contraction = choose(open, change / before, contraction);
-            if (k < 3) slowest = choose(open, larger(contraction, slowest), slowest);
+            /* smaller changes may be rounding, whose contraction says nothing about the size */
+            if (k < 3) slowest = choose(open & (change > splat(m->tolerance)), larger(contraction, slowest), slowest);
             open &= contraction < splat(k > 1 ? SLOWEST : 2.0);
         }
-        slowest = choose(open & ~(change < splat(DIVERGED)), splat(DIVERGED), slowest);
+        slowest = choose(tried & ~(change < splat(DIVERGED)), splat(DIVERGED), slowest);
         open &= change < splat(DIVERGED);
         for (int64_t i = 0; i < s * width; i++) g->stages[i] += choose(open, g->changes[i], splat(0.0));
         /* what is left: the changes to come, as a geometric series */
@@ -478,10 +480,10 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     V growth = growth_of(m, found) * (2.0 * most + 1.0) / (2.0 * most + count);
     g->error = choose(done, choose(found == found, found, splat(DIVERGED)), splat(DIVERGED));
     /* The matrices are those of extrapolated stages.  Their error, and so the contraction, grows with a high power of
-       the size. */
+       the size.  Accepted steps do not shrink: a contraction that rounding causes does not fall with the size. */
     V possible = smaller(root(third_root(CONTRACTION / smaller(slowest, splat(1e6)))), splat(LONGER));
     V again = smaller(larger(possible, splat(SHORTEST)), splat(SHORTER));
-    g->growth = choose(g->error < splat(DIVERGED), smaller(growth, possible), again);
+    g->growth = choose(g->error < splat(DIVERGED), smaller(growth, larger(possible, splat(1.0))), again);
     const V *last = g->stages + (m->stages - 1) * width;
     for (int64_t i = 0; i < width; i++) g->work[i] = g->next[i] = g->base[i] + last[i];
     if (!p->surplus) return;

@@ -62,6 +62,7 @@ static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Ou
         g->next[i][l] -= change_of(p, g, l, i, c->first[k]) * gap / x.matrix[x.first[own]][x.first[own]];
         for (int64_t j = 0; j < x.first[x.count]; j++)
             g->next[p->velocities + i][l] += change_of(p, g, l, i, x.direction[j]) * impulse[j];
+        if (!is_finite(g->next[i][l]) || !is_finite(g->next[p->velocities + i][l])) return UNDECIDED;
     }
     for (int64_t i = 0; i < x.count; i++)
         if (approach > slow && hit[i] && e->mode[m * c->events + x.event[i]] == OPEN) o->hit[o->hits++] = x.event[i];
