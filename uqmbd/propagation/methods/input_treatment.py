@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import warnings
+from typing import Any
 
 from uqmbd.errors import StudyError
 
@@ -41,10 +42,10 @@ _FORMER = {"accepts_keys": InputTreatment.AVERAGE_PATHS, "samples_inputs": Input
 """The meaning of class attributes from before 0.1 that are True; the last one that applies is valid."""
 
 
-def declared_treatment(cls: type) -> InputTreatment:
+def declared_treatment(cls: Any) -> InputTreatment:
     """Return the treatment that the class of a method declares or inherits; accept attributes from before 0.1."""
     former = [old for old in _FORMER if vars(cls).get(old) is True]
-    inherited = _FORMER[former[-1]] if former else cls.input_treatment  # type: ignore[attr-defined]
+    inherited = _FORMER[former[-1]] if former else cls.input_treatment
     found = vars(cls).get("input_treatment", inherited)
     if former:
         warnings.warn(
