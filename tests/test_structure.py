@@ -6,12 +6,15 @@ Every import counts: those for types alone and those inside functions, too.  Wha
 
 import ast
 import functools
+import importlib.metadata
 import pkgutil
 import re
 import tomllib
 from pathlib import Path
 
 import pytest
+
+from uqmbd import plugins
 
 ROOT = Path(__file__).parents[1]
 
@@ -32,12 +35,12 @@ STATEMENTS = {
     "uqmbd.extend": 190,
     "uqmbd.mechanism": 5_660,
     "uqmbd.new": 231,
-    "uqmbd.plugins": 410,
+    "uqmbd.plugins": 475,
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_840,
     "uqmbd.randomness": 5_590,
     "uqmbd.report": 8_650,
-    "uqmbd.results": 9_790,
+    "uqmbd.results": 9_800,
     "uqmbd.testing": 2_800,
     "uqmbd.units": 285,
     "uqmbd.viewer": 730,
@@ -380,6 +383,34 @@ def test_each_class_has_a_name_of_its_own():
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name.strip("_"), []).append(f"{name}:{node.lineno}")
     assert {name: places for name, places in found.items() if len(places) > 1} == {}
+
+
+COMMON_WORDS = {"linear", "hertz", "reliability", "Reliability"}
+"""Registered names that are words of messages as well."""
+
+FORMATS = {"urdf", "mjcf"}
+"""Formats of models that users name by functions of the core; the readers are plugins."""
+
+
+def test_texts_of_the_core_name_no_plugin():
+    """Messages name installed methods by their properties: see ``uqmbd/plugins/method_names.py``."""
+    registry = plugins.load(importlib.metadata.entry_points(group="uqmbd"), ())
+    names = {
+        word for classes in registry.classes.values() for name, cls in classes.items() for word in (name, cls.__name__)
+    }
+    assert {"monte-carlo", "Collocation", "Revolute", "hunt-crossley"} <= names
+    words = "|".join(map(re.escape, sorted(names - COMMON_WORDS - FORMATS)))
+    named = re.compile(rf"(?<![\w.-])({words})(?![\w-])|(?i:\bmonte carlo\b|\bcollocation\b|\bgalerkin\b)")
+    assert named.search("use Collocation(order=3)")
+    wrong = []
+    for name, tree in _trees().items():
+        if name.partition(".")[0] != "uqmbd":
+            continue
+        texts = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr) and isinstance(n.value, ast.Constant)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in texts:
+                wrong += [f"{name}:{node.lineno}: {found[0]}" for found in named.finditer(node.value)]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_no_package_exceeds_its_budget_of_statements():

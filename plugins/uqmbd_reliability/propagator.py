@@ -131,6 +131,7 @@ class Reliability(uqmbd.extend.Propagator):
     name: ClassVar[str] = "reliability"
     requirements: ClassVar[bool] = True
     input_treatment: ClassVar[uqmbd.extend.InputTreatment] = uqmbd.extend.InputTreatment.SAMPLE
+    searches_violations: ClassVar[bool] = True
     requirement: str | None = None
     method: Literal["auto", "form", "subset"] = "auto"
     target_cov: Annotated[float, uqmbd.extend.Bounds(FINEST, 1)] = 0.05

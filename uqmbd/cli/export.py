@@ -12,6 +12,7 @@ from uqmbd.cli.run import parse_value, type_name
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.garbage_collection import loading
 from uqmbd.names import did_you_mean
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.propagation import load_study, option_types
 
 if TYPE_CHECKING:
@@ -155,5 +156,6 @@ def _stored(study: Study, method: str | None, folder: Path) -> xr.DataTree:
             continue
         return node
     raise StudyError(
-        f"--from {folder}: no method of these results has a surrogate; collocation and Galerkin compute one."
+        f"--from {folder}: no method of these results has a surrogate. Add a method that computes one"
+        f"{such_as(InputTreatment.INTERPOLATE)}."
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.packages import require_package as require_package
+from uqmbd.plugins import InputTreatment as InputTreatment
 from uqmbd.plugins import propagator as propagator
 from uqmbd.progress import AtMost as AtMost
 from uqmbd.progress import Progress as Progress
@@ -13,7 +14,6 @@ from uqmbd.propagation import ElementRefinement as ElementRefinement
 from uqmbd.propagation import Estimate as Estimate
 from uqmbd.propagation import Exceedance as Exceedance
 from uqmbd.propagation import History as History
-from uqmbd.propagation import InputTreatment as InputTreatment
 from uqmbd.propagation import Margins as Margins
 from uqmbd.propagation import NodeFit as NodeFit
 from uqmbd.propagation import Phases as Phases

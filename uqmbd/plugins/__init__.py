@@ -24,7 +24,9 @@ from __future__ import annotations
 from uqmbd.plugins.command import Command, command_line
 from uqmbd.plugins.exporter import Exporter
 from uqmbd.plugins.hooks import EXPORTS, KINDS, HookKind, hookimpl, integrator_problem
+from uqmbd.plugins.input_treatment import InputTreatment, declared_treatment
 from uqmbd.plugins.loading import PluginInfo, Registry, core_offers, load, merged, registered_name
+from uqmbd.plugins.method_names import example_of, method_with_option, methods_that, such_as
 from uqmbd.plugins.registry import (
     checks,
     commands,
@@ -52,6 +54,7 @@ __all__ = [
     "Command",
     "Exporter",
     "HookKind",
+    "InputTreatment",
     "PluginInfo",
     "Registry",
     "checks",
@@ -61,7 +64,10 @@ __all__ = [
     "components",
     "contact_law",
     "contact_laws",
+    "core_offers",
+    "declared_treatment",
     "designs",
+    "example_of",
     "exporters",
     "hookimpl",
     "installed",
@@ -70,13 +76,15 @@ __all__ = [
     "integrators",
     "load",
     "merged",
-    "core_offers",
+    "method_with_option",
+    "methods_that",
     "owner",
     "propagator",
     "propagators",
     "reader",
     "registered_name",
     "report_sections",
+    "such_as",
     "surrogates",
     "unusable",
 ]

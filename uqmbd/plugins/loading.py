@@ -205,7 +205,7 @@ def registered_name(cls: Any, kind: HookKind) -> tuple[str, str]:
     name = getattr(cls, "name", None)
     # only the type str itself: comparisons of a subclass may run any code
     if type(name) is not str or not name or "/" in name:
-        return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
+        return "", "whose class attribute `name` is not a string without '/', such as \"my-method\""
     if name in kind.reserved:
         article = "an" if kind.noun[0] in "aeiou" else "a"
         return name, f"whose name {name!r} is that of {article} {kind.noun} of uqmbd"

@@ -37,7 +37,7 @@ from uqmbd.propagation.execution import (
     writable,
 )
 from uqmbd.propagation.inputs import nothing_random
-from uqmbd.propagation.methods import Estimate, InputTreatment, Propagator, Sizing, obstacle_of, readable
+from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of, readable
 from uqmbd.propagation.observed_model import build_observed_model, warned_elsewhere
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.reduction import Reduced, Reductions, store_name
@@ -53,7 +53,6 @@ __all__ = [
     "ElementRefinement",
     "Estimate",
     "History",
-    "InputTreatment",
     "Margins",
     "NodeFit",
     "Phases",

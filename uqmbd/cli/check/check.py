@@ -19,9 +19,9 @@ from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.garbage_collection import loading
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.propagation import (
     Estimate,
-    InputTreatment,
     Propagator,
     Timing,
     findings,
@@ -288,11 +288,7 @@ def _no_surrogate(study: Study) -> str:
     """Return why no method of a study has a surrogate; empty if one may have it."""
     if _interpolating(study):
         return ""
-    why = "no method of the study computes a surrogate"
-    for name, cls in sorted(plugins.propagators().items()):
-        if issubclass(cls, Propagator) and cls.input_treatment is InputTreatment.INTERPOLATE:
-            return f"{why}; add one that does, such as {name}."
-    return f"{why}."
+    return f"no method of the study computes a surrogate; add one that does{such_as(InputTreatment.INTERPOLATE)}."
 
 
 def _options(propagator: Any) -> str:

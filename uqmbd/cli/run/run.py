@@ -23,6 +23,7 @@ from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, Severity, StudyError, UqmbdError
 from uqmbd.garbage_collection import loading
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
+from uqmbd.plugins import InputTreatment, example_of
 from uqmbd.propagation import (
     allowed_of,
     claimed,
@@ -134,7 +135,8 @@ def _run_and_write(
             "such as mechanism.require('clearance', slider.position[0] <= 0.47), or omit --require."
         )
     if not study.propagators:
-        raise StudyError(f"{script}: the study has no propagators; add some, such as propagators=[MonteCarlo(...)].")
+        example = example_of(InputTreatment.SAMPLE)
+        raise StudyError(f"{script}: the study has no propagators; add them, e.g. propagators=[{example}].")
     # check the folder before the computation, because an error after hours would be expensive
     with claimed(writable(out)):
         if workers is not None and (awaited := workers.awaited):

@@ -44,7 +44,7 @@ def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -
         target, equals, text = setting.partition("=")
         label, dot, option = target.strip().rpartition(".")
         if not (equals and dot and label and option):
-            example = f"{next(iter(known), 'monte-carlo')}.{_example(propagators)}"
+            example = f"{next(iter(known), 'LABEL')}.{_example(propagators)}"
             raise StudyError(f"--set {setting}: expected LABEL.option=value, such as {example}.")
         if label not in known:
             raise StudyError(

@@ -142,7 +142,7 @@ def unused_commands(mechanism: Mechanism) -> tuple[Finding, ...]:
             listed = " and ".join(map(repr, unused))
             verb = "is" if len(unused) == 1 else "are"
             message = f"{controller.where}: the command{'s' * (len(unused) > 1)} {listed} {verb} not used"
-            remedy = f"Pass controller.command({unused[0]!r}) to a component, e.g. as the torque of a Torque"
+            remedy = f"Pass controller.command({unused[0]!r}) to a component, e.g. as a torque or a force"
             found.append(Finding(Severity.WARNING, controller.where, message, remedy))
     return tuple(found)
 

@@ -224,7 +224,7 @@ class ProjectedEquations:
             raise AssemblyError(
                 f"mechanism {self.model.name!r}: the projected equations have no consistent start, although every "
                 "node has one. They are singular, or the truncated expansion is too coarse. Raise the order, or use "
-                "collocation."
+                "a method that integrates each realisation separately."
             )
         return ProjectedStart(state, found[:, :n], found[:, n:], corrections)
 

@@ -28,6 +28,7 @@ from uqmbd.dynamics.integration import longest_step
 from uqmbd.dynamics.projection.dop853 import SOLVED
 from uqmbd.dynamics.projection.ensemble import ProjectedEquations
 from uqmbd.errors import IntegrationError, StudyError
+from uqmbd.plugins import method_with_option
 from uqmbd.typing import Array
 
 __all__ = ["PhaseMotion", "PhaseRates", "require_phase"]
@@ -181,7 +182,8 @@ class PhaseMotion:
             raise IntegrationError(
                 f"mechanism {self.projected.model.name!r}: the projected equations cannot be integrated beyond the "
                 f"phase {solver.t:.6g} rad, t = {whole[0, -1]:.6g} s in the mean: the step size became too small. "
-                "The expansion may be invalid; raise the order, or use collocation."
+                "The expansion may be invalid; raise the order, or use a method that integrates each realisation "
+                "separately."
             )
         self._steps += 1
         # the interpolant belongs to the state before its projection onto the constraints
@@ -287,9 +289,14 @@ class PhaseMotion:
             raise StudyError(
                 f"mechanism {projected.model.name!r}: with a phase as the independent variable, functions of time "
                 "must be smooth, because each time has a different phase in each realisation. A function of time "
-                f"starts, jumps or has a knot at t = {intervals[0].end:.6g} s. Use collocation with alignment='phase'."
+                f"starts, jumps or has a knot at t = {intervals[0].end:.6g} s. {_aligned('phase')}."
             )
         return min(intervals[0].longest, longest_step(projected.model.rough, times))
+
+
+def _aligned(alignment: str) -> str:
+    """Return the advice to use a method that integrates realisations separately, with an alignment."""
+    return f"Use {method_with_option('alignment', 'a method with alignments')}(alignment={alignment!r})"
 
 
 def require_phase(projected: ProjectedEquations) -> None:
@@ -301,11 +308,10 @@ def require_phase(projected: ProjectedEquations) -> None:
     model = projected.model
     where = f"mechanism {model.name!r}: with a phase as the independent variable,"
     if model.controls:
-        raise StudyError(f"{where} controllers, which sample in time, cannot be followed; use collocation.")
+        raise StudyError(f"{where} controllers, which sample in time, cannot be followed. {_aligned('auto')}.")
     if names := dict.fromkeys(component for component, _, directions in model.events if directions):
         raise StudyError(
-            f"{where} impacts cannot be followed, such as those of {', '.join(map(repr, names))}; use collocation with "
-            "alignment='events'."
+            f"{where} impacts cannot be followed, such as those of {', '.join(map(repr, names))}. {_aligned('events')}."
         )
     if not projected.coupled.compiled:
         raise StudyError(f"{where} the explicit integrator is used, for which this mechanism is too large.")

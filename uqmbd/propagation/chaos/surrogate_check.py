@@ -175,7 +175,7 @@ def _remedy(node: xr.DataTree, timed: bool, names: list[str], wrong: Mask) -> st
 
 def _expansion_remedy(surrogates: list[StoredSurrogate], node: xr.DataTree, timed: bool) -> str:
     """Return advice to reduce the errors of polynomial surrogates."""
-    end = ", study a shorter time, or use Monte Carlo" if timed else ", or use Monte Carlo"
+    end = f"{', study a shorter time' if timed else ''}, or use a sampling method"
     if any(one.split for one in surrogates):
         return f"Increase max_elements, raise the order{end}"
     if timed and all(one.equal_times for one in surrogates) and "alignment" not in node.attrs:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
+from uqmbd.plugins import method_with_option
 from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.option_levels import check_convergence, converge
 from uqmbd.propagation.execution import FOLDER
@@ -32,14 +33,15 @@ def check_convergence_of(study: Studied, given: object) -> Mapping[str, Any] | N
     if given is None:
         return None
     where = f"study {study.name!r}"
+    method = method_with_option("order", "Method")
     if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
         raise StudyError(
             f"{where}: convergence is {given!r}; expected the arguments of study.converge, e.g. {{'propagators': "
-            "[Collocation], 'order': [1, 2, 3], 'reference': 'monte-carlo'}."
+            f"[{method}], 'order': [1, 2, 3], 'reference': 'LABEL'}}."
         )
     levels = {name: value for name, value in given.items() if name not in ("propagators", "reference")}
     if "propagators" not in given:
-        raise StudyError(f"{where}: convergence has no key 'propagators'; add it, e.g. 'propagators': [Collocation].")
+        raise StudyError(f"{where}: convergence has no key 'propagators'; add it, e.g. 'propagators': [{method}].")
     check_convergence(study, given["propagators"], levels)
     reference, known = given.get("reference"), [p.node_name for p in study.propagators]
     if isinstance(reference, str) and reference not in known:

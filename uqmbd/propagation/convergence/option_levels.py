@@ -15,6 +15,7 @@ import numpy as np
 from uqmbd.arguments import shown
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
+from uqmbd.plugins import method_with_option
 from uqmbd.progress import Progress, choose_receiver
 from uqmbd.propagation.convergence.reference import reference_node
 from uqmbd.propagation.execution import explained, opened
@@ -123,10 +124,14 @@ def check_convergence(study: Studied, given: Method | Sequence[Method], levels: 
     _series(study, given, levels)
 
 
+def _example() -> str:
+    return method_with_option("order", "Method")
+
+
 def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_OptionSeries]:
     if not levels:
         raise StudyError(
-            "converge: no levels are given; expected e.g. study.converge(Collocation, order=[1, 2, 3, 4])."
+            f"converge: no levels are given; expected e.g. study.converge({_example()}, order=[1, 2, 3, 4])."
         )
     for name, values in levels.items():
         for one in values.values() if isinstance(values, Mapping) else [values]:
@@ -139,7 +144,7 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
         if not isinstance(made, Propagator):
             raise StudyError(
                 f"converge: {shown(method)} is not a propagator; expected a propagator class, e.g. "
-                "study.converge(Collocation, ...)."
+                f"study.converge({_example()}, ...)."
             )
         options = [f.name for f in fields(made) if f.name != "label"]
         own = {name: v[made.node_name] for name, v in levels.items() if isinstance(v, Mapping) and made.node_name in v}

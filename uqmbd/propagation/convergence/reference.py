@@ -33,7 +33,7 @@ def reference_node(
         return reference
     what = f"a tree of {', '.join(reference.children)}" if isinstance(reference, xr.DataTree) else repr(reference)
     raise StudyError(
-        f"converge: the reference is {what}; expected the node of one method, e.g. tree['monte-carlo'], a "
+        f"converge: the reference is {what}; expected the node of one method, e.g. tree['LABEL'], a "
         "propagator, or a dataset with 'mean' and 'std'."
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from uqmbd.propagation.methods.estimate import Estimate, Sizing, readable
-from uqmbd.propagation.methods.input_treatment import InputTreatment
 from uqmbd.propagation.methods.keys import require_keys_accepted, require_smooth_outputs
 from uqmbd.propagation.methods.propagator import Propagator, check_propagators, labelled
 from uqmbd.propagation.methods.running import obstacle_of, run_method
@@ -11,7 +10,6 @@ from uqmbd.propagation.methods.studied import Studied
 
 __all__ = [
     "Estimate",
-    "InputTreatment",
     "Propagator",
     "Sizing",
     "Studied",

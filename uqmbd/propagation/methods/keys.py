@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from uqmbd import plugins
 from uqmbd.errors import StudyError
-from uqmbd.propagation.methods.input_treatment import InputTreatment
+from uqmbd.plugins import InputTreatment, methods_that
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.randomness import JointInput
 
@@ -21,7 +20,7 @@ def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
     keys = [variable.name for variable in inputs.variables if variable.is_key]
     if not keys or propagator.input_treatment is not InputTreatment.INTERPOLATE:
         return None
-    others = _names(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)
+    others = methods_that(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)
     return (
         f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
         f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({others}), or "
@@ -40,18 +39,9 @@ def refused_output(propagator: Propagator, mechanism: Mechanism) -> str | None:
             return (
                 f"{output.name!r} contains {quantity}, which is not a smooth function of the inputs, so the method "
                 f"{propagator.name!r} cannot approximate it by a surrogate. Use a method that samples the inputs "
-                f"({_names(InputTreatment.SAMPLE)}), or remove {output.name!r} from the mechanism of this method"
+                f"({methods_that(InputTreatment.SAMPLE)}), or remove {output.name!r} from the mechanism of this method"
             )
     return None
-
-
-def _names(*treatments: InputTreatment) -> str:
-    """Return the names of the methods with one of some treatments of inputs."""
-    found = plugins.propagators().items()
-    return (
-        ", ".join(repr(name) for name, method in found if getattr(method, "input_treatment", None) in treatments)
-        or "none"
-    )
 
 
 def require_keys_accepted(propagator: Propagator, inputs: JointInput) -> None:

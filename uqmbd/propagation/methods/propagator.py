@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_arguments, check_label, did_you_mean
+from uqmbd.plugins import InputTreatment, declared_treatment, example_of
 from uqmbd.propagation.annotations import check_options, option_types, plain
-from uqmbd.propagation.methods.input_treatment import InputTreatment, declared_treatment
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,6 +56,11 @@ class Propagator(ABC):
     """
     input_treatment: ClassVar[InputTreatment] = InputTreatment.INTERPOLATE
     """Treatment of the inputs: interpolation, average over sampled paths, or sampling (`InputTreatment`)."""
+    searches_violations: ClassVar[bool] = False
+    """Whether the method searches for violations of requirements, and so finds rare ones at less cost than samples.
+
+    Messages on rare violations name such methods.
+    """
     label: str | None = None
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -185,7 +190,7 @@ def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
     array = hasattr(propagators, "dtype")  # an array of numbers, which may be very large
     if array or isinstance(propagators, (str, bytes, Mapping)) or not isinstance(propagators, Iterable):
         raise StudyError(
-            f"{where}: propagators is {propagators!r}; expected a list such as [MonteCarlo(samples=500, seed=1)]."
+            f"{where}: propagators is {propagators!r}; expected a list such as [{example_of(InputTreatment.SAMPLE)}]."
         )
     seen: set[str] = set()
     checked = tuple(propagators)
@@ -197,8 +202,8 @@ def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
             )
         if not isinstance(propagator, Propagator):
             raise StudyError(
-                f"{where}: {propagator!r} is not a propagator; expected objects such as MonteCarlo(samples=500, "
-                "seed=1)."
+                f"{where}: {propagator!r} is not a propagator; expected objects such as "
+                f"{example_of(InputTreatment.SAMPLE)}."
             )
         if propagator.node_name in seen:
             raise StudyError(

@@ -280,8 +280,8 @@ def _late(seen: Observed, why: str, *, few: bool) -> str:
     else:
         words = (
             f"its event does not occur in {missing} of {counted} realisations, where a surrogate would be an "
-            "extrapolation. Use MonteCarlo, a later end time, or a quantity that exists in every realisation, such "
-            "as uqmbd.maximum"
+            "extrapolation. Use a sampling method, a later end time, or a quantity that exists in every realisation, "
+            "such as uqmbd.maximum"
         )
     return f"{words}. In addition, realisations failed: {why.rstrip('.')}" if why and seen.failed else words
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
+from uqmbd.plugins import InputTreatment, example_of
 from uqmbd.progress import Progress, choose_receiver
 from uqmbd.propagation.budget import BudgetTerms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
@@ -324,9 +325,8 @@ class Study(StudyData):
         from uqmbd.results.storage import begin, check_names, computed
 
         if not self.propagators:
-            raise StudyError(
-                f"study {self.name!r} has no propagators; add them, e.g. propagators=[MonteCarlo(samples=500, seed=1)]."
-            )
+            example = example_of(InputTreatment.SAMPLE)
+            raise StudyError(f"study {self.name!r} has no propagators; add them, e.g. propagators=[{example}].")
         if finished is not None and not callable(finished):
             raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
         if planned is not None and not callable(planned):

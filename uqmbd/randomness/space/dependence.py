@@ -9,6 +9,7 @@ import numpy as np
 import scipy.special
 
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.randomness.distributions import Tail, tail_of
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.rosenblatt import Transform
@@ -53,8 +54,9 @@ def dependent_part(
             )
             raise StudyError(
                 f"Input {name!r}, of {described}, is discrete, and {why}. Surrogates need inputs that are smooth "
-                "functions of independent germs. Use Monte Carlo, or declare a separate random variable for it, and "
-                "define dependent quantities as expressions in the mechanism."
+                f"functions of independent germs. Use a method without a surrogate{such_as(InputTreatment.SAMPLE)}, or "
+                "declare a separate random variable for it, and define dependent quantities as expressions in the "
+                "mechanism."
             )
     if isinstance(distribution, chaospy.MvStudentT):
         freedom = float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])

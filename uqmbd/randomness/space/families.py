@@ -59,7 +59,8 @@ def refuse_tail(name: str, description: str, tail: Tail) -> None:
         raise StudyError(
             f"Input {name!r}, {description}, has a tail so heavy that its moments of order {max(tail.index, 0):.2g} "
             "and above are infinite. It has neither a complete set of orthogonal polynomials nor a finite kurtosis. "
-            "Use Monte Carlo, whose quantiles are valid, or truncate it: chaospy.Trunc(distribution, lower, upper)."
+            "Use a sampling method, whose quantiles are valid, or truncate it: "
+            "chaospy.Trunc(distribution, lower, upper)."
         )
 
 

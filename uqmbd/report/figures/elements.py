@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
+from uqmbd.plugins import method_with_option
 from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, draw_on_paper
 from uqmbd.report.drawing import decades
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
@@ -76,7 +77,10 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     """
     node = next((n for n in nodes_of(results).values() if has_elements(n)), None)
     if node is None:
-        raise StudyError("These results contain no elements; use elements='adaptive' with collocation or Galerkin.")
+        raise StudyError(
+            "These results contain no elements; use a method with elements, such as "
+            f"{method_with_option('elements', 'one')}(elements='adaptive')."
+        )
     return draw_on_paper(elements_chart(node, output))
 
 

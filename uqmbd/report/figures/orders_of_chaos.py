@@ -61,7 +61,7 @@ def orders_of(results: Results, output: str, reference: str | None = None) -> tu
     if not found:
         raise StudyError(
             f"There is no other chaos to compare {chosen!r} with. Run the propagator at several orders, with labels "
-            "such as 'collocation-1', 'collocation-2'."
+            "such as 'order-1', 'order-2'."
         )
     return chosen, found
 

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.report.figures.selection import Results, nodes_of, of_output
 from uqmbd.results import (
     ComposedChaos,
@@ -96,7 +97,7 @@ def chaos_of(
     if not _has_chaos(node):
         raise StudyError(
             f"The propagator {node.name!r} has no polynomial chaos of outputs over time, which this figure shows. "
-            "Use the node of a propagator that computes one, such as collocation."
+            f"Use the node of a propagator that computes one{such_as(InputTreatment.INTERPOLATE)}."
         )
     data = node.children["chaos"].to_dataset()
     if output is not None:

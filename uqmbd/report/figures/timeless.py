@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
+from uqmbd.plugins import method_with_option
 from uqmbd.report.charts import Views, draw_on_paper
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
 from uqmbd.report.figures.kernel_density import DensityCurve, densities, density_chart
@@ -269,7 +270,8 @@ def event_times(results: Results) -> Figure:
     node = next((n for n in nodes_of(results).values() if has_events(n)), None)
     events = [] if node is None else earliest_events(node)
     if not events:
-        raise StudyError("None of these results is aligned with events; use Collocation(alignment='events').")
+        method = method_with_option("alignment", "a method with alignments")
+        raise StudyError(f"None of these results is aligned with events; use {method}(alignment='events').")
     return draw_on_paper(events_chart(events))
 
 

@@ -6,10 +6,9 @@ from uqmbd.report.live.explorer_data import collect_explorer_data, collect_neare
 from uqmbd.report.live.page import PageScripts, cell_html, joined_modules, page_scripts
 from uqmbd.report.live.player_data import collect_player_data
 from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses
-from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate, packed_surrogate, shipped
+from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
 
 __all__ = [
-    "NO_SURROGATE",
     "PageScripts",
     "cell_html",
     "collect_explorer_data",

@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.names import ANY
 from uqmbd.report.charts import Kind, packed, packed_relative, packed_within
-from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
+from uqmbd.report.live.surrogates import live_method, live_surrogate, no_surrogate
 from uqmbd.results import answers, propagator_nodes
 from uqmbd.results.chaos import absent_surrogate, surrogate_parts
 from uqmbd.status import Status
@@ -44,7 +44,7 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
     label = live_method(tree)
     if not label:
         absent = [why for node in propagator_nodes(tree).values() if (why := absent_surrogate(node))]
-        return {"reason": absent[0] if absent else NO_SURROGATE}
+        return {"reason": absent[0]} if absent else {"reason": no_surrogate(), "samples_only": True}
     node = tree.children[label]
     found: dict[str, Any] = {"histories": None, "scalars": None}
     missing = []

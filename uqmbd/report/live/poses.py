@@ -21,8 +21,9 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.report.charts import json_script
-from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate, with_surrogate
+from uqmbd.report.live.surrogates import LARGEST, live_method, no_surrogate, packed_surrogate, with_surrogate
 from uqmbd.report.mechanisms import coordinate_names, integrated_bodies, marked_points, observed_bodies
 from uqmbd.results import PolynomialChaos, propagator_nodes, surrogate
 from uqmbd.results.chaos import Surrogate, least_squares, random_germs, spread_germs, surrogate_parts
@@ -129,8 +130,8 @@ def _fit_poses(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dat
     node, names = observed_bodies(study, frames, method)
     if not surrogate_parts(node):
         raise StudyError(
-            f"The method {method!r} has no surrogate, so there is no surrogate of the poses. Collocation and Galerkin "
-            "compute one."
+            f"The method {method!r} has no surrogate, so there is no surrogate of the poses. Use a method that "
+            f"computes one{such_as(InputTreatment.INTERPOLATE)}."
         )
     found = {}
     for part, (kind, data) in surrogate_parts(node).items():
@@ -190,7 +191,7 @@ def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
     """Make the surrogates, or raise StudyError if they are impossible or would take too long."""
     method = live_method(tree)
     if not method:
-        raise StudyError(NO_SURROGATE)
+        raise StudyError(no_surrogate())
     known = surrogate(with_surrogate(tree.children[method]))
     spent = {label: float(node.attrs.get("wall_time", np.inf)) for label, node in propagator_nodes(tree).items()}
     cost, allowed = spent[method], max(BUDGET, SHARE * sum(spent.values()))

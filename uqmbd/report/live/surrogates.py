@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.randomness import GermBox, GermSpace
 from uqmbd.report.charts import json_script, packed, packed_relative, unpacked
 from uqmbd.report.live.compression import compressed, expanded
@@ -40,7 +41,7 @@ from uqmbd.wording import typeset_units
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LARGEST", "NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped", "with_surrogate"]
+__all__ = ["LARGEST", "live_method", "live_surrogate", "no_surrogate", "packed_surrogate", "shipped", "with_surrogate"]
 
 
 SHARE = 0.1
@@ -72,8 +73,10 @@ LARGEST = 4_000_000
 """Maximum number of characters of a surrogate in a page."""
 
 
-NO_SURROGATE = "The results contain samples, but no surrogate. Collocation and Galerkin compute one."
-"""Reason why a page has no surrogate."""
+def no_surrogate() -> str:
+    """Return the reason why a page has no surrogate, with methods that compute one."""
+    methods = such_as(InputTreatment.INTERPOLATE)
+    return f"The results contain samples, but no surrogate. Add a method that computes one{methods}."
 
 
 def live_method(tree: xr.DataTree) -> str:
@@ -111,7 +114,7 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool =
     characters of data. `at_the_end` selects the last time, at which running margins refer to the whole motion.
     """
     if not surrogate_parts(node):
-        return {"reason": absent_surrogate(node) or NO_SURROGATE}
+        return {"reason": absent_surrogate(node) or no_surrogate()}
     try:
         times = node.children["statistics"].to_dataset().sizes.get("time", 0)
         chaos = surrogate(node, times=[times - 1]) if at_the_end and times else surrogate(node)

@@ -9,10 +9,11 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.names import ANY
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.report import figures
 from uqmbd.report.charts import Chart, Views, charted
 from uqmbd.report.figures import band_edges
-from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
+from uqmbd.report.overview.influences import FEWEST_SAMPLES, SAMPLES, Influences, of_history, of_requirement, of_scalar
 from uqmbd.report.overview.margins import chart_in_view, margin_words, tightening, yield_words
 from uqmbd.report.overview.pictures import mechanism_picture, pose_pictures
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
@@ -291,11 +292,15 @@ def _why_no_influences(result: StudyResult, shown: Content) -> str:
     if not any("input" in method.node.children["statistics"].to_dataset().coords or method.samples is not None
                for method in result.methods.values()):  # fmt: skip
         return "The results contain no inputs, so their influence is unknown."
+    fitting, searching = such_as(InputTreatment.INTERPOLATE), such_as(searches_violations=True)
     if shown["kind"] == "requirements":
-        return "The influence of the inputs is unknown. Collocation, Galerkin and the method reliability compute it."
+        return (
+            f"The influence of the inputs is unknown. Methods that search for violations{searching} compute it, and so "
+            f"do methods with a surrogate{fitting}, except for outputs that depend on sampled paths."
+        )
     return (
-        "The influence of the inputs is unknown. Collocation and Galerkin compute it, as does Monte Carlo with at "
-        "least 30 samples and four for each input."
+        f"The influence of the inputs is unknown. Methods with a surrogate{fitting} compute it, except for outputs "
+        f"that depend on sampled paths. So do at least {FEWEST_SAMPLES} stored samples, and {SAMPLES} for each input."
     )
 
 

@@ -17,13 +17,16 @@ from uqmbd.status import Status
 from uqmbd.typing import Array
 from uqmbd.wording import format_at_most, format_index, format_share, minus
 
-__all__ = ["Influences", "of_history", "of_requirement", "of_scalar"]
+__all__ = ["FEWEST_SAMPLES", "SAMPLES", "Influences", "of_history", "of_requirement", "of_scalar"]
 
 LEAST = 0.005
 """Minimum share of an input on the first screen."""
 
 SAMPLES = 4
 """Minimum number of samples per input for a regression."""
+
+FEWEST_SAMPLES = 30
+"""Minimum number of samples for a regression."""
 
 COMMON = 0.02
 """Excess of the sum of total indices over one above which the report states an interaction of inputs."""
@@ -195,7 +198,7 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
             samples = samples.isel(input=~samples["input_key"].values)
             paths = " Sampled paths are not included; their share is a Sobol' index."
         count, columns = samples["inputs"].shape
-        if not columns or count < max(30, SAMPLES * columns):
+        if not columns or count < max(FEWEST_SAMPLES, SAMPLES * columns):
             return None
         response, when = np.asarray(samples["response"].values, dtype=float), ""
         if response.ndim > 1:

@@ -15,6 +15,7 @@ import xarray as xr
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
+from uqmbd.plugins import such_as
 from uqmbd.results.assessment.differences import choose_reference
 from uqmbd.results.assessment.error_sentences import own_statements
 from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
@@ -218,7 +219,8 @@ def assess(tree: xr.DataTree) -> Assessment:
     if rare:
         leads += (
             f"{', '.join(rare)}: ten times as many realisations without a violation would reduce the upper bound of "
-            "the probability to a tenth. The method reliability searches for violations.",
+            "the probability to a tenth. A method that searches for violations needs fewer"
+            f"{such_as(searches_violations=True)}.",
         )
     return Assessment(
         reference,

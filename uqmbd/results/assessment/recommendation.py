@@ -271,13 +271,13 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
 
 
 def resort(remedy: str) -> str:
-    """Return advice on a large stated error: first the remedy that the method states, then Monte Carlo.
+    """Return advice on a large stated error: first the remedy that the method states, then sampling.
 
     >>> resort("raise the order"), resort("")
-    ('Raise the order; if that does not reduce the error, use Monte Carlo', 'Use Monte Carlo')
+    ('Raise the order; if that does not reduce the error, use a sampling method', 'Use a sampling method')
     """
-    then = "; if that does not reduce the error, use Monte Carlo"
-    return f"{remedy[:1].upper()}{remedy[1:]}{then}" if remedy else "Use Monte Carlo"
+    then = "; if that does not reduce the error, use a sampling method"
+    return f"{remedy[:1].upper()}{remedy[1:]}{then}" if remedy else "Use a sampling method"
 
 
 def _few(names: list[str]) -> list[str]:

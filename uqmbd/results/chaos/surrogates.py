@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqmbd.arguments import Bounds, fits, shown, typechecked
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
 from uqmbd.results.chaos.custom import Custom
 from uqmbd.results.chaos.stated_error import weighted_std
@@ -99,7 +100,8 @@ def surrogate(
     if why := absent_surrogate(node):
         raise StudyError(f"The propagator {node.name!r}: {why}")
     if not parts:
-        raise StudyError(f"The method {node.name!r} contains no surrogate; collocation and Galerkin compute one.")
+        methods = such_as(InputTreatment.INTERPOLATE)
+        raise StudyError(f"The method {node.name!r} contains no surrogate. Use a method that computes one{methods}.")
     found, names = {}, []
     for name, (kind, part) in parts.items():
         data = part.to_dataset()

@@ -13,6 +13,7 @@ from typing import Any
 import xarray as xr
 
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, example_of
 from uqmbd.propagation import Propagator, Study
 
 __all__ = ["PropagatorUnderTest", "described", "quiet"]
@@ -41,7 +42,7 @@ class PropagatorUnderTest:
         if not isinstance(made, Propagator):
             raise StudyError(
                 f"check_propagator: {propagator!r} returned {made!r}; expected a uqmbd.extend.Propagator, or a "
-                "callable that returns one, e.g. MonteCarlo(samples=500, seed=1)."
+                f"callable that returns one, e.g. {example_of(InputTreatment.SAMPLE)}."
             )
         return cls(propagator, made)
 

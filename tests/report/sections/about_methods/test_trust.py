@@ -42,7 +42,7 @@ def test_sections_only_where_there_is_a_chaos(study: xr.DataTree, source: str, t
     plain = re.sub("<script.*?</script>", "", _write(study, tmp_path), flags=re.DOTALL)
     # what is told in their place
     for stated in (
-        "The results contain samples, but no surrogate. Collocation and Galerkin compute one.",
+        "The results contain samples, but no surrogate. Add a method that computes one, such as 'collocation' or 'galerkin'.",
         "This page evaluates no surrogate: outputs and charts show the nearest of",
     ):
         plain = plain.replace(stated, "")

@@ -172,7 +172,7 @@ def explore(result: StudyResult) -> Content | None:
         found = live.collect_explorer_data(result.tree, result.limits)
     except Exception as error:  # noqa: BLE001 - results of other packages may be invalid in any way; the report must remain
         found = {"reason": f"{type(error).__name__}: {error}"}
-    reason = str(found.get("reason", ""))
+    reason, samples_only = str(found.get("reason", "")), bool(found.get("samples_only"))
     if reason:
         found = _nearest(result) or found
     if "reason" in found:
@@ -180,7 +180,7 @@ def explore(result: StudyResult) -> Content | None:
         return {"explorer": None, "nearest": 0, "moving": moving, "notes": notes}
     fitted = [] if found.get("nearest") else _fitted(found)
     notes = [*fitted, *(f"Some outputs are not evaluated at the chosen inputs: {one}" for one in found["missing"])]
-    if reason and reason != live.NO_SURROGATE:
+    if reason and not samples_only:
         notes.insert(0, f"The page evaluates no surrogate: {reason}")
     if found["still"]:
         names = ", ".join(found["still"])
