@@ -201,7 +201,7 @@ def test_a_calibration_is_replaced_by_the_next_and_not_by_what_the_user_changed(
     assert {one.name for one in (out / "previous").iterdir()} == names - {"previous"}
     (out / "report.html").write_text("notes of the user")
     before = seen(out)
-    with pytest.raises(StudyError, match="report.html is in the way"):
+    with pytest.raises(StudyError, match="report.html exists, but uqmbd"):
         _calibrate(tmp_path, out)
     assert seen(out) == before
     (out / "report.html").rename(out / "notes.txt")
@@ -267,6 +267,6 @@ def test_a_command_that_ends_early_takes_no_file_of_others_for_its_own(tmp_path)
     with pytest.raises(ZeroDivisionError), uqmbd.extend.output_folder(tmp_path, ["fit.nc"]) as folder:
         (folder / "fit.nc").write_bytes(b"data of the user")
         raise ZeroDivisionError
-    with pytest.raises(StudyError, match=r"fit.nc is in the way"), uqmbd.extend.output_folder(tmp_path, ["fit.nc"]):
+    with pytest.raises(StudyError, match=r"fit.nc exists, but uqmbd"), uqmbd.extend.output_folder(tmp_path, ["fit.nc"]):
         pass
     assert (tmp_path / "fit.nc").read_bytes() == b"data of the user"

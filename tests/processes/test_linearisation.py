@@ -205,7 +205,7 @@ ROAD = RandomProcess("road", covariance=exponential_covariance(0.01, 5.0), over=
         (lambda body: stationary_std(ROAD), r"'road' without its argument \(write road\(20 "),
         (
             lambda body: ROAD(body.position[0]),
-            "A distance that the mechanism travels by its own motion is not possible",
+            "The argument cannot depend on the motion of the mechanism",
         ),
         (lambda body: ROAD(uqmbd.t**2), "For several speeds, use a random variable"),
     ],

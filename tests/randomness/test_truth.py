@@ -137,5 +137,5 @@ def test_a_vector_is_not_compared_as_a_whole(compare):
 @pytest.mark.parametrize("several", [[LENGTH <= 1, LENGTH >= 0], sympy.Matrix([LENGTH, 1])], ids=["list", "vector"])
 def test_a_requirement_has_one_relation(several):
     mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
-    with pytest.raises(uqmbd.StudyError, match="(?s)requirement 'both': the argument has entries, .*for each entry"):
+    with pytest.raises(uqmbd.StudyError, match="(?s)requirement 'both': the argument is a sequence, .*for each entry"):
         mechanism.require("both", several)

@@ -210,6 +210,6 @@ def test_a_coupled_system_explains_its_realisations(make_chaos, capsys, tmp_path
     for text in (" ".join(capsys.readouterr().out.split()), page):
         assert text.count("together integrates a system of 24 unknowns instead of single realisations. The") == 1
         assert (
-            "realisations of this method are the nodes of this system, and separate verification" in text
+            "of realisations of this method counts the nodes of this system, and verification" in text
             and "apart integrates" not in text
         )

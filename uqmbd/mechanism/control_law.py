@@ -42,8 +42,8 @@ def traced_law(
         raise StudyError(f"{where}: its law raised {type(error).__name__}: {error}. {about}") from error
     if held and not (isinstance(found, (tuple, list)) and len(found) == 2):
         raise StudyError(
-            f"{where}: its law returned {shown(found)}; expected the pair (commands, state), as the controller has the "
-            f"state{'s' * (len(held) > 1)} {', '.join(map(repr, states))}. {about}"
+            f"{where}: its law returned {shown(found)}; expected the pair (commands, state), because the controller "
+            f"has the state{'s' * (len(held) > 1)} {', '.join(map(repr, states))}. {about}"
         )
     pair = found if held else (found, ())
     results: list[sympy.Expr] = []

@@ -210,9 +210,9 @@ class Existence:
         outputs, verb = "output" if len(hit) == 1 else "outputs", "does" if len(missing) == 1 else "do"
         return (
             f"the {which} of {outputs} {listed} {verb} not exist, unless the output is a bounded function of input "
-            f"{cause!r}: moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. They are NaN, "
-            "and so are errors that depend on them; quantiles are valid. For moments, truncate the input: "
-            "chaospy.Trunc(distribution, lower, upper)"
+            f"{cause!r}: moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. These results "
+            "are NaN, and so are errors that depend on them; quantiles are valid. For finite moments, truncate the "
+            "input: chaospy.Trunc(distribution, lower, upper)"
         )
 
 

@@ -142,7 +142,7 @@ UNUSABLE = {
     "did you mean 'damping'?": ["record.csv", "--known", "dampnig=1"],
     "the units are 'mm' in the record and 'm' in the study": ["long.csv"],
     "two records have the name 'record'": ["record.csv", "record.csv"],
-    "results.nc is in the way": ["record.csv", "--out", "used"],
+    "results.nc exists, but uqmbd": ["record.csv", "--out", "used"],
     "record.csv": ["record.csv", "--out", "record.csv"],
 }
 

@@ -284,7 +284,7 @@ def test_files_of_different_runs(
     monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path, **_: path)  # whose figures take their time
     show_comparison(paths, out=tmp_path / "both")
     said = capsys.readouterr().out
-    assert "Only 26 times are common to all results, of 101 of A mc, 101 of A surrogate, 26 of B other" in said
+    assert "Only 26 times are common to all results (A mc has 101, A surrogate has 101, B other has 26)" in said
     assert "rtol" in said and "1e-08" in said
     assert "B other compared with A mc" in said
     # what could go unnoticed reads like no error

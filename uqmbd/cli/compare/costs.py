@@ -48,8 +48,9 @@ def show_costs(screen: Console, found: xr.Dataset) -> None:
     screen.print(
         Text(
             "Largest errors over outputs and times; percentages are of the largest standard deviation of the output. "
-            "Regret: realisations, divided by the smallest number that reaches the accuracy. The stated error of the "
-            f"reference is {format_percent(own, 'unknown')}; regrets for smaller errors are unknown."
+            "Regret at an accuracy: number of realisations with which the method reaches it, divided by the smallest "
+            f"number of all methods. The stated error of the reference is {format_percent(own, 'unknown')}; regrets "
+            "for smaller errors are unknown."
         )
     )
 

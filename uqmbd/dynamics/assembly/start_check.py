@@ -45,8 +45,8 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
         if k >= 0:
             raise StudyError(
                 f"{where}: start condition {conditions.names[which[k]]} is redundant at the means of the inputs. It "
-                "follows from joints, drivers, stated velocities or the conditions before it, or its quantity cannot "
-                "change at the start. Leave this condition out, or give another quantity."
+                "follows from joints, drivers, stated velocities or earlier conditions, or its quantity cannot change "
+                "at the start. Omit this condition, or use another quantity."
             )
 
 

@@ -51,7 +51,7 @@ def called(
     if not (isinstance(found, (tuple, list)) and len(found) == 2):
         raise StudyError(
             f"{where}: its function returned {_shown(found)} at t = {time:.6g} s; expected the pair (commands, state), "
-            f"as the controller has the state{'s' * (len(loop.states) > 1)} {', '.join(map(repr, loop.states))}."
+            f"because the controller has the state{'s' * (len(loop.states) > 1)} {', '.join(map(repr, loop.states))}."
         )
     return (
         _columns(where, "commands", found[0], loop.commands, count, time, about),
@@ -83,7 +83,7 @@ def failures(
         k = int(np.argmin(low[row] <= high[row]))
         found[row] = (
             f"Controller {loop.name!r}: the limits of {loop.commands[k]!r} are {low[row, k]:.6g} and "
-            f"{high[row, k]:.6g}; the first must be the smaller one"
+            f"{high[row, k]:.6g}; expected a lower limit that is at most the upper limit"
         )
     for row, reason in reasons.items():
         found[row] = (

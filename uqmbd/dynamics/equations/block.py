@@ -333,9 +333,9 @@ def _build_block(
         if e.free_symbols & velocities:
             what = "a potential energy" if e is potential else f"the constraint {labels[constraints.index(e)]!r}"
             raise StudyError(
-                f"{where}: {what} contains a velocity; constraints are equations, and "
-                "potentials energies, of positions, states and time. Write a force that depends on velocities as a "
-                "VirtualWork. Write an equation that is linear in velocities as a VelocityConstraint."
+                f"{where}: {what} contains a velocity; constraints and potential energies may depend only on "
+                "positions, states and time. Write a force that depends on velocities as a VirtualWork. Write an "
+                "equation that is linear in velocities as a VelocityConstraint."
             )
     guards = [event.guard for event in events]
     clash = [e for e in at_rest if not e.free_symbols & coordinates]

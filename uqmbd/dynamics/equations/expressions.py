@@ -141,7 +141,7 @@ def _advice_on_symbol(component: Component, symbol: sympy.Symbol) -> str:
     if isinstance(symbol, RandomVariable):
         return (
             f"terms() uses the random variable {symbol} itself; declare a uqmbd.Parameter, write p.NAME for it, and "
-            "give the random variable where the component is made."
+            "pass the random variable as an argument of the component."
         )
     return (
         f"terms() uses the symbol {symbol}, which is unknown; expected quantities of p: bodies, "

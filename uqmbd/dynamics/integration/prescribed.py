@@ -150,8 +150,7 @@ def _jump(ensemble: Batch, member: int, sides: Array, time: float, equations: ND
         by = model.prescribed.jumps(owner, ensemble.values[member], *sides) if model.prescribed is not None else ""
         parts.append(f"{owner!r} ({by})" if by else repr(owner))
     return (
-        f"at t = {time:.6g} s a prescribed position jumps: that of {', '.join(parts)}, so that the equations "
-        f"{named(model, equations)} require bodies to be in two places at once. Expected a continuous function of "
-        "time, such as "
-        "uqmbd.step between two positions, or a prescribed speed"
+        f"at t = {time:.6g} s a position jumps that is prescribed by {', '.join(parts)}. The equations "
+        f"{named(model, equations)} then require bodies to be in two places at once. Expected a continuous function "
+        "of time, such as uqmbd.step between two positions, or a prescribed speed"
     )

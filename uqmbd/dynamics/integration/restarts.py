@@ -50,7 +50,7 @@ def speed_jumps(
     reasons = {
         int(some[row]): (
             f"a prescribed speed jumps by {jump[some[row]]:.6g} at t = {time:.6g} s, but after this jump the equations "
-            f"{named(model, np.flatnonzero(wrong[row]))} contradict others"
+            f"{named(model, np.flatnonzero(wrong[row]))} contradict other equations"
         )
         for row in np.flatnonzero(wrong.any(axis=1))
     }

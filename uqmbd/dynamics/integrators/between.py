@@ -104,9 +104,9 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
     if coarse.any():
         warnings.warn(
             f"mechanism {ensemble.model.name!r}: the motion between output times is not resolved in "
-            f"{np.count_nonzero(coarse)} of {count} realisations. On intervals of up to {coarse.max():.3g} s it is "
-            f"interpolated linearly. There, more than {MOST} further times would be necessary, or the integrator fails "
-            "at further times. Try a shorter motion or another integrator.",
+            f"{np.count_nonzero(coarse)} of {count} realisations. It is interpolated linearly on intervals of up "
+            f"to {coarse.max():.3g} s. More than {MOST} further times would be necessary there, or the integrator "
+            "fails at further times. Try a shorter motion or another integrator.",
             stacklevel=2,
         )
     states = np.full((count, len(times), ensemble.model.layout.width), np.nan)

@@ -125,7 +125,7 @@ def _margin(where: str, relation: Any) -> sympy.Expr:
     expected = "expected a relation such as slider.position[0] <= 0.47 or uqmbd.eigenfrequency(1) >= 2"
     if isinstance(relation, (np.ndarray, MatrixBase, list, tuple)):
         raise StudyError(
-            f"{where}: the argument has entries, {shown(relation)}; {expected}. Add a requirement for each entry."
+            f"{where}: the argument is a sequence, {shown(relation)}; {expected}. Add a requirement for each entry."
         )
     if relation in (True, False, sympy.true, sympy.false):
         always = "always" if relation in (True, sympy.true) else "never"

@@ -261,8 +261,8 @@ def summary(
     unit = read_units(units or "1")
     if unit is None or (units and power is None):
         raise StudyError(
-            f"summary: units is {units!r} and power is {power}; expected known units, and the exponent of the units of "
-            "the expression in the units of the result, such as power=2, units='s'."
+            f"summary: units is {units!r} and power is {power}; expected known units and a power, such as "
+            "units='s', power=2. The result has the units of the expression to this power, times units."
         )
     strange = [x for x in further if not isinstance(x, str) or (x and read_units(x) is None)]
     if strange or (further and not polynomials) or isinstance(further, str):

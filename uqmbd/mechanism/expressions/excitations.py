@@ -238,8 +238,8 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
     if strange:
         raise StudyError(
             f"{where}: its argument is {shown(x)}, and {strange[0]} is not constant; expected speed * uqmbd.t + "
-            "offset, with numbers and random variables. A distance that the mechanism travels by its own motion is "
-            "not possible; state its mean speed."
+            "offset, with numbers and random variables. The argument cannot depend on the motion of the mechanism, "
+            "such as the distance that it travels; use its mean speed."
         )
     speed = x.diff(t)
     if speed == 0 or speed.has(t):

@@ -175,8 +175,8 @@ def linear_output(function: Callable[..., Any] | None = None, *, power: int | No
     unit = read_units(units or "1")
     if unit is None or (units and power is None):
         raise StudyError(
-            f"linear_output: units is {units!r} and power is {power}; expected known units, and the exponent of the "
-            "units of the expression in the units of the result, such as power=0, units='1/s'."
+            f"linear_output: units is {units!r} and power is {power}; expected known units and a power, such as "
+            "units='1/s', power=0. The result has the units of the expression to this power, times units."
         )
 
     def declare(written: Any) -> DeclaredLinearOutput:

@@ -59,8 +59,8 @@ class OutputSeries(tuple[sympy.Expr, ...]):
         where = f"series over {axis}"
         if not isinstance(axis, str) or not axis.isidentifier() or axis in TAKEN:
             raise StudyError(
-                f"OutputSeries: axis is {axis!r}; expected the name of a dimension of results, such as 'frequency', "
-                f"which is none of {', '.join(map(repr, TAKEN))}."
+                f"OutputSeries: axis is {axis!r}; expected a name for a dimension of the results, such as 'frequency'. "
+                f"The names {', '.join(map(repr, TAKEN))} are reserved."
             )
         self.positions = tuple(map(float, positions))
         self.axis, self.units = axis, check_units(units, where)

@@ -76,7 +76,7 @@ def warn_of_surrogates(
     away, outside = _outside(node, statistics, rtol, realised)
     if found := [_words(name, away[k], outside[k], times) for k, name in enumerate(names) if outside[k].any()]:
         warnings.warn(
-            f"{label}: the mean{of} is outside the range of the realisations, relative to the standard deviation: "
+            f"{label}: the mean{of} is outside the range of the realisations, by this share of the standard deviation: "
             f"{_listed(found)}. Do not rely on these statistics. {_remedy(node, timed, names, outside)}",
             SurrogateWarning,
             stacklevel=5,

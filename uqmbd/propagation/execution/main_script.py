@@ -117,7 +117,7 @@ class _Deferred(types.ModuleType):
     def __getattr__(self, name: str) -> Any:
         script = vars(self).get("_script")
         if script is None or (name.startswith("__") and name.endswith("__")):
-            raise AttributeError(f"the script of this run has no {name!r} before the line that starts the work")
+            raise AttributeError(f"the script of this run does not define {name!r} before the line that starts the run")
         self._script = None
         with suppress(_ScriptEnds):
             exec(self._code(script), vars(self))

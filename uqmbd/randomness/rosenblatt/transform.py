@@ -200,7 +200,8 @@ class Transform:
         # far out, rounding errors of values are comparable with their spread
         if (bad := ~(np.abs(back - LEVELS).max(axis=1) < ROUGH) & inner).any():
             row = np.flatnonzero(bad)[0]
-            return f"the values at the probabilities {LEVELS.tolist()} have {back[row].round(6).tolist()}{where(bad)}"
+            found = back[row].round(6).tolist()
+            return f"the quantiles of the probabilities {LEVELS.tolist()} have the probabilities {found}{where(bad)}"
         return ""
 
     @cached_property

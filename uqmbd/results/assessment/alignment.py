@@ -67,7 +67,7 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
             f"{label}: {', '.join(_names(data) + (_names(timeless[label]) if label in timeless else []))}"
             for label, data in statistics.items()
         )
-        raise StudyError(f"These results have no output of the same name and units in common: {text}.")
+        raise StudyError(f"No output occurs in all of these results with the same name and units: {text}.")
     where, more = _common_times(statistics)
     aligned = {label: _restricted(node, label, outputs, scalars, where[label]) for label, node in nodes.items()}
     return aligned, (*notes, *more)
@@ -127,9 +127,9 @@ def _common_times(
     where = {label: np.abs(t[None, :] - common[:, None]).argmin(axis=1) for label, t in times.items()}
     if all(len(t) == len(common) for t in times.values()):
         return dict(where), []
-    text = ", ".join(f"{len(t)} of {label}" for label, t in times.items())
+    text = ", ".join(f"{label} has {len(t)}" for label, t in times.items())
     count = f"{len(common)} times are" if len(common) > 1 else "1 time is"
-    return dict(where), [f"Only {count} common to all results, of {text}. Nothing was interpolated."]
+    return dict(where), [f"Only {count} common to all results ({text}). Nothing was interpolated."]
 
 
 def _restricted(

@@ -33,6 +33,6 @@ def coupled_systems(nodes: Mapping[str, xr.DataTree]) -> str:
     )
     return (
         f"{', '.join(found)} {many[0]} of {', '.join(map(format_integer, found.values()))} unknowns instead of single "
-        f"realisations. The realisations of {many[1]} are the nodes of {many[2]}, and separate verification "
+        f"realisations. The number of realisations of {many[1]} counts the nodes of {many[2]}, and verification "
         "realisations."
     )

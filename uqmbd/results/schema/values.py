@@ -207,7 +207,7 @@ def check_values(
         if name == "quantile_error":
             refuse(bad, values, "a finite bound, 0 or more")
         reason = "a number, or the reason of a NaN in the attribute 'unknown' of the variable: {output: reason}"
-        refuse(bad, "a value that is not finite", f"{reason}; failures must not enter")
+        refuse(bad, "a value that is not finite", f"{reason}. Omit failed realisations")
         if name in _NOT_NEGATIVE or name in _SHARES:
             expected = "a share from 0 to 1" if name in _SHARES else "a number that is 0 or more"
             refuse(values < 0, "a negative value", expected)

@@ -249,9 +249,9 @@ def _numbered(folder: Path, number: int) -> Path:
 
 def _is_obstacle(place: Path) -> StudyError:
     return StudyError(
-        f"{place} is in the way: uqmbd needs this name, but did not write this file, or another "
-        "program changed it. Nothing was changed or computed. Move or rename the file, or use another "
-        "folder (--out DIR; in Python: folder=)."
+        f"{place} exists, but uqmbd did not write this file, or another program has changed it. uqmbd needs this "
+        "file name. Nothing was changed or computed. Move or rename the file, or use another folder (--out DIR; in "
+        "Python: folder=)."
     )
 
 

@@ -105,9 +105,9 @@ def _check(place: Path) -> None:
         found = [place]
     if found:
         raise StudyError(
-            f"{found[0]} is in the way: uqmbd stores unfinished results in {place}, but did not write this file or "
-            "folder. Nothing was changed or computed. Move or rename it, or use another folder (--out DIR; in "
-            "Python: folder=)."
+            f"{found[0]} exists, but uqmbd did not write this file or folder. uqmbd stores unfinished results in "
+            f"{place}. Nothing was changed or computed. Move or rename the file or folder, or use another folder "
+            "(--out DIR; in Python: folder=)."
         )
 
 
