@@ -1,6 +1,6 @@
 """Several alignments from shared realisations; each output uses the alignment with the smallest verified error.
 
-The best alignment can differ between times. An output then uses different alignments at different times.
+If different alignments are most accurate at different times, an output uses several alignments.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Random processes: roads, gusts, motions of the ground, and the stationary response of linearised mechanisms.
 
-Also spectra, orders and cycles of simulated motions.
+The package also computes spectra, orders and cycles of simulated motions.
 """
 
 from __future__ import annotations

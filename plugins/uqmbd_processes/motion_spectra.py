@@ -1,7 +1,7 @@
 """Outputs of simulated motions: Welch's estimate of a spectral density, standard deviations, and amplitudes of orders.
 
-All integrate the polynomials of the motion with Gauss' rule. The motion is not sampled: the results do not depend on
-output times, and have no aliases.
+All these outputs integrate the polynomials of the motion with Gauss' rule. The motion is not sampled:
+the results do not depend on output times, and have no aliases.
 """
 
 from __future__ import annotations

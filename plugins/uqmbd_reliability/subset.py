@@ -1,4 +1,4 @@
-"""Subset simulation by OpenTURNS: an estimate of a probability that shares only the standard normal space with others.
+"""Subset simulation by OpenTURNS: an independent estimate of a probability, in the same standard normal space.
 
 For the limitations that prevent its use by default, see `uqmbd_reliability.analysis`.
 """

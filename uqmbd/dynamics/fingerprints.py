@@ -1,6 +1,6 @@
 """Hashes of the content of callables of users: code, constants, closures and named objects.
 
-`uqmbd.dynamics.code_digest` answers a stricter question: it refuses objects whose content is not known entirely.
+`uqmbd.dynamics.code_digest` is stricter: it rejects objects whose content is not completely known.
 """
 
 from __future__ import annotations

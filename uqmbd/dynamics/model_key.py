@@ -2,7 +2,7 @@
 
 The terms of a component, also of a user's class, are determined by the code of its class and by its values.  A
 mechanism with a part of unknown code or value has no key, and its model is not stored.  A mechanism with controllers
-also has no key, because the functions are the user's.
+also has no key, because users write the functions of controllers.
 
 SymPy's text (`sympy.srepr`) takes ten times as long, and omits the meaning of random variables and angles.
 """

@@ -1,4 +1,4 @@
-"""Markers for the comparison of realisations instead of equal times: events, and equal phases of a clock."""
+"""Markers, at which realisations are compared instead of at equal times: events, and equal phases of a clock."""
 
 from __future__ import annotations
 

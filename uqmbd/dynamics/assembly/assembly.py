@@ -1,8 +1,9 @@
 """Assembly: consistent positions, velocities, accelerations and multipliers from the given pose.
 
-Damped Gauss-Newton steps yield positions with the smallest change; velocities have the smallest norm. The driver solves
-both; undecided realisations are solved by singular values.  Singular values and pivoted QR determine the rank of the
-constraint Jacobian. Accelerations follow from the index-1 system.
+Damped Gauss-Newton steps move the given poses by the least amount that satisfies the constraints. Velocities have the
+least norm. The driver computes both. Realisations that the driver leaves undecided are solved by singular values.
+Singular values and pivoted QR determine the rank of the constraint Jacobian. Accelerations follow from the index-1
+system.
 
 Length: poses and velocities are in one module, because messages on impossible velocities require the closure of poses
 near the given pose.
@@ -442,9 +443,9 @@ def _dead_centre(
 
 
 def _moved_onto(a: Array, b: Array, v: Array) -> Array:
-    """Change velocities (K, n) by the least amount that satisfies ``a v = b``: integrators start on the constraints.
+    """Change velocities (K, n) by the least amount that satisfies ``a v = b``.
 
-    A second correction removes errors from rounding.
+    Integrators therefore start on the constraints. A second correction removes errors from rounding.
     """
     for _ in range(2):
         v = v + solve_least_norm(a, b - (a @ v[:, :, None])[:, :, 0], truncate=True)

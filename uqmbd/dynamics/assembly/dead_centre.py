@@ -1,4 +1,4 @@
-"""Dead centres: poses with dependent constraints or given velocities, which are independent in the neighbourhood.
+"""Dead centres: poses in which constraints or given velocities are dependent, but independent in neighbouring poses.
 
 At a dead centre, a linear combination of equations is in the left null space of the Jacobian. This combination is the
 left singular vector of a vanishing singular value. Redundant equations have such a combination in every pose. A dead

@@ -37,8 +37,8 @@ AT_ONCE = 1e-14
 TOGETHER = 1e-9
 """Time between decisions on friction at its limit, relative to the duration of the motion, that counts as zero.
 
-A reserve below `AT_LIMIT` vanishes within this time, so feet of one body may reach their limits at times that differ by
-it."""
+A reserve below `AT_LIMIT` vanishes within this time. Feet of one body that reach their limits together may therefore do
+so at times that differ by it."""
 START = 10.0
 """Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant; as in
 decisions.c."""

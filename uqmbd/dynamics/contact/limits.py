@@ -1,6 +1,6 @@
 """Choice of slipping contacts if friction reaches its limit in several contacts at the same time.
 
-At the limit, forces and accelerations are equal for sticking and slipping, and their rates decide. For each contact at
+At the limit, sticking and slipping have equal forces and accelerations; their rates differ. For each contact at
 its limit, let r be the rate of the reserve of friction. Let a be the rate of the acceleration along the direction of
 the impending sliding::
 

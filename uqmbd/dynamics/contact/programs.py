@@ -15,7 +15,7 @@ __all__ = ["contact_programs"]
 
 
 def contact_programs(model: Model, stages: int = 0) -> tuple[Dynamics, ContactPrograms]:
-    """Return the cached programs of a model with events and a compiled index-1 system; implicit steps have `stages`."""
+    """Return cached programs of a model with events and a compiled index-1 system, for implicit steps with `stages`."""
     others, key = model.system.programs.others, ("contacts", stages)
     if key not in others:
         others[key] = _written(model, stages)

@@ -111,7 +111,7 @@ def _reasons(where: str, given: Mapping[Any, Any], count: int, time: float) -> d
 
 
 def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: int) -> None:
-    """Raise unless a function returned equal results for a part of a group and for the group."""
+    """Raise an error unless a function returned equal results for a group and for a part of it."""
     for what, one, other in zip(("commands", "state"), whole, part, strict=True):
         if one.tobytes() == other.tobytes():
             continue

@@ -26,7 +26,7 @@ class CountedAngle:
 
     @property
     def pattern(self) -> tuple[Any, ...]:
-        """Data that distinguish counters."""
+        """Data by which counters differ."""
         return self.symbol, self.angle.half, self.angle.signed, self.cosine, self.sine, self.rate, self.near
 
 

@@ -1,13 +1,13 @@
 """Comparison of the costs of an implicit and the explicit method for one realisation, by counts of operations.
 
-The other method is the implicit one of the driver, or IDA if the systems are too large for it.  It integrates the
-realisation from the same start to the time that the explicit method has reached.  It is preferred if it costs less;
-IDA is compared with a realisation in a group of eight.  A comparison thus costs at most as much as the integration so
-far.  A comparison depends only on the realisation, and comparisons are rare.  The first takes place after many steps or
-checks of the rank, the next after several times as many.
+The implicit method is that of the driver, or IDA if the systems are too large for the driver. It integrates the
+realisation from the same start to the time that the explicit method has reached, and is selected if it costs less. The
+cost of IDA is compared with the cost of an explicit realisation in a group of eight. The comparison stops at the cost
+of the explicit integration so far, and depends only on the realisation. Comparisons are rare: the first one takes place
+after many steps or checks of the rank, and each following one after several times as many.
 
-Stiff realisations are left to the implicit method without a comparison, up to the expected cost of the whole motion by
-the explicit method.
+The implicit method integrates stiff realisations without a comparison, up to the cost that the explicit method is
+expected to need for the whole motion.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Costs of integrations by counts of operations, factorisations and checks of the rank, without a clock.
 
 The unit is an operation on a row of eight realisations. The weights were measured on governors, slider-cranks and
-masses on springs. Each weight is the processor time divided by the time of one kernel operation (0.5 to 1 ns), and
-rounded: the choice of the integrator depends on factors of eight, not of two.
+masses on springs. Each weight is a rounded ratio of processor times: that of the task, and that of one kernel
+operation (0.5 to 1 ns). Rounded weights suffice, because the choice depends on factors of eight, not of two.
 """
 
 from __future__ import annotations

@@ -4,8 +4,9 @@ A short pulse in a long quiet interval may be between the stages of a step. The 
 because the step errors do not contain it. Every function of time is therefore sampled before the integration. A cell of
 the grid is smooth if a polynomial through every other point predicts the points between. Smooth cells are merged in
 pairs while the merged cell is smooth. Other cells are divided into 16, at most 12 times. The sizes of the smooth cells
-show how fast the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`). Functions with uniform
-behaviour (polynomials, sines of phases up to degree 2, and pieces of them) cannot be stepped over, and are not sampled.
+show how fast the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`). Steps cannot miss
+functions with uniform behaviour (polynomials, sines of phases up to degree 2, and pieces of them); these functions are
+not sampled.
 The sampling takes up to 8,193 values of each function and realisation, so that it costs more than most integrations.
 """
 

@@ -1,13 +1,13 @@
 """Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
 
-Realisations of a stack share the steps, and the error norm of IDA averages over them. A realisation that is much
-rougher than the others is therefore less accurate than alone, at most by its roughness over the mean roughness. If this
-loss is too large, the realisation is removed and integrated alone.
+Realisations of a stack share the steps, and the error norm of IDA averages over them. A realisation with much larger
+local errors than the others is therefore less accurate in a stack than alone. The loss is at most the ratio of its
+local errors to their mean over the stack. If the loss is too large, the realisation is removed and integrated alone.
 
 IDA satisfies the tolerance in each step, averaged over all unknowns.  Without damping, velocity errors accumulate over
 a hundred steps per turn of a body.  The sum of these errors shifts the phase at a growing rate.  If only one of
-many bodies rotates, the average over resting bodies and multipliers, which have no errors, hides its errors.  A step
-therefore uses only a small part of the tolerance (`step_tolerance`).
+many bodies rotates, the average over resting bodies and multipliers, which have no errors, hides its errors.  The
+tolerance of a step is therefore a small part of the tolerance of the motion (`step_tolerance`).
 """
 
 from __future__ import annotations
@@ -240,7 +240,7 @@ def _integrate_stack(
 
 
 def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedSteps:
-    """Return the motion of a stack through the steps of an integration.
+    """Return the motion of a stack as polynomials through the steps of an integration.
 
     Rates are from the method: for stiff equations these rates are as smooth as the states, in contrast to rates from
     the equations.

@@ -1,8 +1,8 @@
 """Knots of tables over time, as preferred ends of steps of high order.
 
 The third derivative of a spline jumps at the knots.  Methods of variable order adapt to these jumps. The error estimate
-of an explicit method of high order does not detect them, because they are not at its stages. For example, a force
-through 300 samples then has an error of 1e-6 at a tolerance of 1e-9.  Steps of such methods therefore end at the knots
+of an explicit method of high order does not detect them, because they are between its stages. With a force through 300
+samples, for example, the error is 1e-6 at a tolerance of 1e-9.  Steps of such methods therefore end at the knots
 with relevant jumps. Realisations with shared steps may have too many different knots in total. In this case the steps
 over knots are so short that the jumps are negligible.
 """

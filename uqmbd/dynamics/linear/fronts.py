@@ -3,8 +3,8 @@
 A front is a unit of a mechanism during its elimination, with block ``A``, coupling ``B`` to its neighbours and
 right-hand side ``b``. The elimination adds ``-B^T A^-1 B`` and ``-B^T A^-1 b`` to the equations of the neighbours. From
 the unknowns ``y`` of the neighbours follow the unknowns ``x = A^-1 b - A^-1 B y`` of the front [1]_. Fronts with the
-same pattern share their code. Fronts of one round are computed together, for all realisations. So the compilation time
-and the number of calls grow less than the system.
+same pattern share their code. Fronts of one round are computed together, for all realisations. The
+compilation time and the number of calls therefore grow more slowly than the size of the system.
 
 References
 ----------

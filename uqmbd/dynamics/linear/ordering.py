@@ -1,8 +1,8 @@
 """Block elimination order of a large index-1 system by multiple minimum degree on the mechanism's graph [1]_.
 
 A unit is a body with the equations of this body only, or the multipliers of a joint.  Each round eliminates all units
-with few neighbours and regular blocks together, unless two of them are neighbours.  So each round halves a chain, and
-units of one kind in one round can be computed together.
+with few neighbours and regular blocks together, unless two of them are neighbours.  Each round therefore
+eliminates half of the units of a chain, and units of one kind in one round can be computed together.
 
 References
 ----------

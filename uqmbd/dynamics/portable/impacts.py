@@ -1,4 +1,4 @@
-"""Contacts of a motion in C: impacts and contacts that last; marks of events change no motion."""
+"""Contacts of a motion in C: impacts and persistent contacts; other events only record a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Source files of a motion, and what a program needs to know of its variables."""
+"""Source files of a motion, and a description of its variables for the program that uses them."""
 
 from __future__ import annotations
 

@@ -6,8 +6,9 @@ the smallest eigenvalue; its preconditioner is the mean of ``d_k d_k^T``.  The e
 together, which reduces the overhead of NumPy.  :func:`scipy.sparse.linalg.lobpcg` solves one problem at a time, and
 takes five times as long.
 
-An iteration may converge to an eigenvalue other than the smallest.  The proof of a lower bound is that the Cholesky
-factorisation of ``A A^T`` minus the bound exists.  Single precision is used if it is sufficient.
+An iteration may converge to an eigenvalue other than the smallest.  A Cholesky factorisation
+of ``A A^T`` minus a bound proves the bound: it exists only if all eigenvalues are larger.  Single precision is used if
+it is sufficient.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Continuation of a steady motion: each body rotates with a frame of constant angular velocity, and spins in it.
 
-With the angular velocity ``W`` of the frame of a body and its spin ``sigma = R^T (omega - W)``, which is constant in
-the body, its rotation is ``exp(W t) R exp(sigma t)``; the velocity of its origin turns with a frame of angular velocity
-``U``.  Velocities and accelerations determine the frames; any remaining choice follows the frames of other bodies.
+Let ``W`` be the angular velocity of the frame of a body, and ``sigma = R^T (omega - W)`` the spin of the body. The spin
+is constant in the body, whose rotation is ``exp(W t) R exp(sigma t)``. The velocity of the origin of the body turns
+with a frame of angular velocity ``U``. Velocities and accelerations determine the frames. If several frames are
+possible, the frame of another body is used.
 """
 
 from __future__ import annotations

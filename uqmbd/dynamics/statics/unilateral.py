@@ -1,14 +1,14 @@
 """Dry friction and rigid contacts in statics: forces that are not functions of the pose, and have no linearisation.
 
 Dry friction that sticks balances any force up to its limit. The poses at rest are then a set, and `static_equilibria`
-finds the pose of this set without friction. Its other poses are, to first order, within
+computes the pose of this set at which the forces balance without friction. Its other poses are, to first order, within
 
     |dq| <= N (N^T K N)^-1 N^T J^T f
 
 of this pose, with the stiffness ``K``, the free directions ``N``, the sliding directions ``J`` and the limit ``f``.
 Small motions of sticking joints are locked, and small motions of sliding joints are not linear. Equations of rigid
-contacts are inequalities, which statics omits. Therefore no function of this package returns a value without this
-module: an equilibrium that overlaps a contact fails, and so does a linearisation in which friction or contact acts.
+contacts are inequalities, which statics omits. All functions of this package therefore call this module: an equilibrium
+with overlapping bodies fails, and so does a linearisation in which friction or contact acts.
 """
 
 from __future__ import annotations

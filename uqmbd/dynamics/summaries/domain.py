@@ -1,9 +1,9 @@
 """Find places along a motion at which an expression is not finite and real, or cannot be resolved.
 
 Values at the places of parts show most such places, but not all.  The square of a root is real even where the root is
-not; a pole is between two places, and a gap may be narrower than their distance.  Parts of an expression that must be
-positive or nonzero are therefore also resolved.  At a zero of such a part, the limit of the expression is examined: a
-ratio of two numbers that vanish together remains finite.
+not. A pole may be between two places, and a gap may be narrower than the distance between two places.  Parts of an
+expression that must be positive or nonzero are therefore also resolved.  At a zero of such a part, the limit of the
+expression is examined: a ratio of two numbers that vanish together remains finite.
 
 The symbols of an expression of time also bound its rate of change.
 """

@@ -1,9 +1,9 @@
 """Resolve expressions along a motion by polynomials on parts of steps, and divide inaccurate parts.
 
-A step of an integrator is long: an output of the states may have a peak or a kink within it. So an expression is
-evaluated at interpolated states, at eight Chebyshev points of a part of a step. The part is divided until the last
-coefficients of its polynomial are small, if the rest can change the result. All realisations are divided together, but
-each by its own errors.
+A step of an integrator is long: an output of the states may have a peak or a kink within it. An expression
+is therefore evaluated at interpolated states, at eight Chebyshev points of a part of a step. If the part can change the
+result, it is divided until the last coefficients of its polynomial are small. The parts of all realisations are
+evaluated together; each is divided by its own errors.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Refusal of quantities that are not smooth in the inputs by methods that interpolate: paths, and some summaries."""
+"""Reject outputs that methods with surrogates cannot approximate: those of sampled paths, and non-smooth summaries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read the statements of methods on their outputs, and their agreement with the reference, from a comparison."""
+"""Read from a comparison what each method states about its outputs, and whether it agrees with the reference."""
 
 from __future__ import annotations
 
