@@ -63,7 +63,7 @@ class FmuExporter:
             found.append(f"parameters only, because they affect the initial state only: {', '.join(motion.fixed)}")
         if len(motion.contacts) > 1:
             names = ", ".join(motion.contacts)
-            found.append(f"ends at lift-off or a start of sliding if several contacts are closed, of {names}")
+            found.append(f"may end at an event with several closed contacts, of {names}")
         if omitted := ", ".join(study.mechanism.scalars):
             found.append(f"without the outputs {omitted}, because each is one number for a whole motion")
         return "; ".join(found)

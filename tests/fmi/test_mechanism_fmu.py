@@ -579,7 +579,7 @@ def test_inputs_of_a_mechanism_are_checked_beforehand():
     assert FmuExporter(inputs=("wind",)).refusal("mechanism", study) == ""
     several = uqmbd.Study("slide", two_contacts(), [0, 1], [])
     told = FmuExporter().remark("mechanism", several)
-    assert "ends at lift-off or a start of sliding if several contacts are closed, of floor, wall" in told
+    assert "may end at an event with several closed contacts, of floor, wall" in told
     assert "compiler 'c+' was not found" in FmuExporter(compiler="c+").refusal("surrogate", study)
     assert "'speed' changes the start" in FmuExporter(inputs=("speed",)).refusal("mechanism", study)
     assert "add --what mechanism" in FmuExporter(inputs=("wind",)).refusal("surrogate", study)

@@ -8,7 +8,6 @@ import pytest
 from uqmbd.compiled import Encounters
 from uqmbd.dynamics import integrate
 from uqmbd.dynamics.contact import event_driven
-from uqmbd.dynamics.contact.decisions import Decisions
 
 
 class Waiting(Encounters):
@@ -16,14 +15,13 @@ class Waiting(Encounters):
 
     def __init__(self, *given, **options):
         super().__init__(*given, **options)
-        self.later = np.full_like(self.later, np.inf)
+        self.decides = 2
 
 
 def one_by_one(ensemble, times, rtol):
     """Integrate with decisions in Python, which treat any number of contacts, about each realisation alone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(event_driven, "Encounters", Waiting)
-        patch.setattr(Decisions, "note_limit", lambda self, member, decision: self.at_limit.update({member: decision}))
         return integrate(ensemble, times, rtol, "dop853")
 
 

@@ -112,7 +112,6 @@ def followed(ensemble, waiting):
         patch.setattr(Decisions, "after", after)
         if waiting:
             patch.setattr(event_driven, "Encounters", Waiting)
-            patch.setattr(Decisions, "note_limit", lambda self, m, decision: self.at_limit.update({m: decision}))
         motion = event_driven.EventDrivenMotion(ensemble, np.array([0, END]), 1e-10, ContactEvaluator(ensemble.model))
         if not waiting:
             motion.restarted, motion.encounters.reports = begun, True

@@ -7,25 +7,16 @@
 #include "group.h"
 
 static const double UNSTABLE = 1e-9; /* negative stiffness of contacts, relative to their own, that counts as zero */
-static const double PRESSED = 1e-8;  /* normal force, relative to the largest force, that counts as zero */
 
 enum {
-    MOST_CLOSED = 6,
-    MOST_ROWS = MOST_CLOSED * MOST_DIRECTIONS,
     MOST_STATES = 64,
     MOST_BLOWS = 200, /* collisions at an instant; after them, the impact is without restitution */
 };
 
-/* Closed contacts of a lane, with rows for their directions: the normal one first, without friction alone. */
-typedef struct {
-    int64_t count, event[MOST_CLOSED], first[MOST_CLOSED + 1], direction[MOST_ROWS];
-    double restitution[MOST_CLOSED], friction[MOST_CLOSED];
-    double matrix[MOST_ROWS][MOST_ROWS], natural[MOST_ROWS], speed[MOST_ROWS];
-} Closed;
-
 /* Simultaneous collision, or forces: speeds before it, or accelerations without forces, and their changes. */
 typedef struct {
     int64_t count, first[MOST_CLOSED + 1];
+    int given[MOST_CLOSED];
     double friction[MOST_CLOSED], rebound[MOST_CLOSED], unit[MOST_ROWS];
     double matrix[MOST_ROWS][MOST_ROWS], before[MOST_ROWS];
 } Collision;
@@ -150,6 +141,7 @@ static void set_collision(const Closed *c, const int64_t *some, int64_t count, c
     for (int64_t k = 0; k < count; k++) {
         x->first[k] = size;
         x->friction[k] = c->friction[some[k]];
+        x->given[k] = c->given[some[k]];
         x->rebound[k] = 0.0;
         for (int64_t i = c->first[some[k]]; i < c->first[some[k] + 1]; i++) rows[size++] = i;
     }
@@ -212,6 +204,7 @@ static void set_forces(const Closed *c, const int *slides, double (*heading)[2],
     for (int64_t k = 0; k < c->count; k++) {
         x->first[k] = size;
         x->friction[k] = c->friction[k];
+        x->given[k] = c->given[k];
         x->rebound[k] = 0.0;
         for (int64_t i = c->first[k]; i < (slides[k] ? c->first[k] + 1 : c->first[k + 1]); i++) rows[size++] = i;
     }
@@ -227,12 +220,14 @@ static void set_forces(const Closed *c, const int *slides, double (*heading)[2],
 }
 
 /* Whether compliant contacts in the place of those with a force return to them: all eigenvalues of the responses have
-   positive real parts.  The symmetric part decides, or, of two rows, trace and determinant. */
+   positive real parts.  The symmetric part decides, or, of two rows, trace and determinant.  Given normal forces do not
+   respond. */
 static int is_stable(const Collision *x, const double *force) {
     double a[MOST_ROWS][MOST_ROWS];
     int64_t held[MOST_ROWS], size = 0;
     for (int64_t k = 0; k < x->count; k++)
-        for (int64_t i = x->first[k]; i < x->first[k + 1] && force[x->first[k]] > 0.0; i++) held[size++] = i;
+        for (int64_t i = x->first[k] + (x->given[k] ? 1 : 0); i < x->first[k + 1] && force[x->first[k]] > 0.0; i++)
+            held[size++] = i;
     for (int64_t i = 0; i < size; i++)
         for (int64_t j = 0; j < size; j++) {
             double sum = x->matrix[held[i]][held[j]] + x->matrix[held[j]][held[i]];
@@ -253,81 +248,4 @@ static int is_stable(const Collision *x, const double *force) {
         across *= x->matrix[held[i]][held[1 - i]] * unit[0] * unit[1];
     }
     return a[0][0] + a[1][1] > 0.0 && a[0][0] * a[1][1] - across > 0.0;
-}
-
-/* Whether the least forces of closed contacts press all of them, with friction clear of its limit; otherwise forces of
-   redundant contacts are chosen by the caller. */
-static int are_pressed(const Closed *c, const int64_t *mode, double (*heading)[2], Lane *s) {
-    int slides[MOST_CLOSED];
-    int64_t states[MOST_CLOSED];
-    double force[MOST_ROWS], largest = 0.0;
-    for (int64_t k = 0; k < c->count; k++) {
-        slides[k] = mode[k] == SLIP;
-        states[k] = mode[k] == OPEN ? WITHOUT : STICKS;
-    }
-    Collision x;
-    set_forces(c, slides, heading, &x);
-    for (int64_t k = 0; k < c->count; k++)
-        for (int64_t i = 0; i < x.first[k + 1] - x.first[k]; i++) {
-            int64_t row = c->first[k] + i;
-            x.unit[x.first[k] + i] = 1.0 / __builtin_sqrt(greatest(__builtin_fabs(c->matrix[row][row]), 1e-300));
-        }
-    impulses_of(&x, states, s, force);
-    for (int64_t i = 0; i < x.first[x.count]; i++) {
-        if (!is_finite(force[i])) return 0;
-        largest = greatest(largest, __builtin_fabs(force[i]));
-    }
-    for (int64_t k = 0; k < c->count; k++) {
-        double normal = force[x.first[k]], friction = 0.0;
-        if (mode[k] == OPEN) continue;
-        for (int64_t i = x.first[k] + 1; i < x.first[k + 1]; i++) friction += force[i] * force[i];
-        if (!(normal > PRESSED * largest)) return 0;
-        if (mode[k] == STICK && !(__builtin_sqrt(friction) < (1.0 - CLEAR) * c->friction[k] * normal)) return 0;
-    }
-    return 1;
-}
-
-/* The states of closed contacts, and the directions in which they slide if they slip; whether they are known.  Speeds up
-   to `slow` count as zero.  The caller decides if forces or motions are not unique, or at the limits of the laws. */
-static int modes_of(const Closed *c, double slow, Lane *s, int64_t *mode, double (*heading)[2]) {
-    double force[MOST_ROWS], after[MOST_ROWS], largest = 0.0, most = 0.0;
-    int slides[MOST_CLOSED];
-    int64_t loaded = 0;
-    for (int64_t k = 0; k < c->count; k++) {
-        double fast = 0.0;
-        for (int64_t i = c->first[k] + 1; i < c->first[k + 1]; i++) fast += c->speed[i] * c->speed[i];
-        fast = __builtin_sqrt(fast);
-        slides[k] = fast > slow;
-        for (int64_t i = c->first[k] + 1; slides[k] && i < c->first[k + 1]; i++)
-            heading[k][i - c->first[k] - 1] = c->speed[i] / fast;
-    }
-    Collision x;
-    set_forces(c, slides, heading, &x);
-    if (solve_together(&x, FORCES, s, force) != 1 || !is_stable(&x, force)) return 0;
-    respond_together(&x, force, after);
-    for (int64_t k = 0; k < x.count; k++)
-        for (int64_t i = x.first[k]; i < x.first[k + 1]; i++) {
-            largest = greatest(largest, __builtin_fabs(x.before[i]));
-            most = greatest(most, __builtin_fabs(force[i]) * own_response(&x, k));
-        }
-    for (int64_t k = 0; k < c->count; k++) {
-        int64_t first = x.first[k], rubs = c->first[k + 1] - c->first[k] > 1;
-        double along = 0.0, friction = 0.0;
-        for (int64_t i = first + 1; i < x.first[k + 1]; i++) {
-            along += after[i] * after[i];
-            friction += force[i] * force[i];
-        }
-        if (force[first] * own_response(&x, k) <= EXACT * most) {
-            mode[k] = OPEN;
-            if (after[first] <= RESTS * largest) return 0;
-            continue;
-        }
-        loaded++;
-        mode[k] = !rubs ? SMOOTH : slides[k] || __builtin_sqrt(along) > RESTS * largest ? SLIP : STICK;
-        if (mode[k] != SLIP || slides[k]) continue;
-        friction = __builtin_sqrt(friction);
-        for (int64_t i = first + 1; i < x.first[k + 1]; i++)
-            heading[k][i - first - 1] = friction > 0.0 ? -force[i] / friction : i == first + 1;
-    }
-    return !loaded || are_pressed(c, mode, heading, s);
 }

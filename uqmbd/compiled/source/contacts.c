@@ -240,26 +240,17 @@ INLINE double change_of(const Problem *p, const Group *g, int64_t l, int64_t i, 
 
 /* -- linear algebra of one lane ------------------------------------------------------------------------------------- */
 
-/* Solve inner x = right for the x of least length, each entry in its unit: contacts may be redundant (a table's legs).
-
-   The columns of the matrix are turned until they are perpendicular to each other (one-sided Jacobi iteration). */
-static void least_solution(Lane *s, int64_t size) {
-    double *u = s->inner, *v = s->turn;
-    if (size == 1) {
-        s->found[0] = s->right[0] / u[0];
-        return;
-    }
+/* Turn the columns of a matrix u (rows, size) until they are perpendicular to each other (one-sided Jacobi iteration);
+   v (size, size) are the turns. */
+static void turn_columns(double *u, double *v, int64_t rows, int64_t size) {
     for (int64_t i = 0; i < size; i++)
-        for (int64_t j = 0; j < size; j++) {
-            u[i * size + j] *= s->unit[i] * s->unit[j];
-            v[i * size + j] = i == j;
-        }
+        for (int64_t j = 0; j < size; j++) v[i * size + j] = i == j;
     for (int64_t sweep = 0, turned = 1; sweep < 40 && turned; sweep++) {
         turned = 0;
         for (int64_t i = 0; i < size; i++)
             for (int64_t j = i + 1; j < size; j++) {
                 double a = 0.0, b = 0.0, c = 0.0;
-                for (int64_t k = 0; k < size; k++) {
+                for (int64_t k = 0; k < rows; k++) {
                     a += u[k * size + i] * u[k * size + i];
                     b += u[k * size + j] * u[k * size + j];
                     c += u[k * size + i] * u[k * size + j];
@@ -269,15 +260,30 @@ static void least_solution(Lane *s, int64_t size) {
                 double zeta = (b - a) / (2.0 * c), size_of = __builtin_fabs(zeta) + __builtin_sqrt(1.0 + zeta * zeta);
                 double tangent = (zeta < 0.0 ? -1.0 : 1.0) / size_of;
                 double cosine = 1.0 / __builtin_sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
-                for (int64_t k = 0; k < size; k++) {
-                    double x = u[k * size + i], y = v[k * size + i];
+                for (int64_t k = 0; k < rows; k++) {
+                    double x = u[k * size + i];
                     u[k * size + i] = cosine * x - sine * u[k * size + j];
                     u[k * size + j] = sine * x + cosine * u[k * size + j];
+                }
+                for (int64_t k = 0; k < size; k++) {
+                    double y = v[k * size + i];
                     v[k * size + i] = cosine * y - sine * v[k * size + j];
                     v[k * size + j] = sine * y + cosine * v[k * size + j];
                 }
             }
     }
+}
+
+/* Solve inner x = right for the x of least length, each entry in its unit: contacts may be redundant (a table's legs). */
+static void least_solution(Lane *s, int64_t size) {
+    double *u = s->inner, *v = s->turn;
+    if (size == 1) {
+        s->found[0] = s->right[0] / u[0];
+        return;
+    }
+    for (int64_t i = 0; i < size; i++)
+        for (int64_t j = 0; j < size; j++) u[i * size + j] *= s->unit[i] * s->unit[j];
+    turn_columns(u, v, size, size);
     double most = 0.0;
     for (int64_t j = 0; j < size; j++) {
         double square = 0.0;

@@ -264,7 +264,7 @@ static void against(const Touch *t, const double *force, double *heading) {
 }
 
 /* The mode of a closed contact, and the direction in which it slides if it slips; -1 if no forces satisfy the laws, if
-   several motions may do, or at the limit of friction.  Speeds up to `slow` count as zero. */
+   several motions may do.  Speeds up to `slow` count as zero. */
 static int64_t mode_of(const Touch *t, double slow, Lane *s, double *heading) {
     double response = t->matrix[0][0], force[MOST_DIRECTIONS], after[MOST_DIRECTIONS], largest = 0.0, most = 0.0;
     for (int64_t i = 0; i < t->count; i++) {
@@ -285,11 +285,7 @@ static int64_t mode_of(const Touch *t, double slow, Lane *s, double *heading) {
     respond_to(t, t->natural, force, after);
     for (int64_t i = 0; i < t->count; i++) most = greatest(most, __builtin_fabs(force[i]));
     if (force[0] <= EXACT * most) return OPEN;
-    if (length_along(t, after) <= RESTS * largest) {
-        /* at the limit of friction, the rates of forces decide */
-        int clear = length_along(t, force) < (1.0 - CLEAR) * t->friction * force[0];
-        return clear ? STICK : -1;
-    }
+    if (length_along(t, after) <= RESTS * largest) return STICK; /* at the limit of friction, it begins to slip at once */
     against(t, force, heading);
     return SLIP;
 }

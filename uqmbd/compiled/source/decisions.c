@@ -1,7 +1,7 @@
 /* Decisions about events of lanes: impacts, rest, lift-off, and the ends of sticking and sliding.
 
-   Here are those about lanes with one closed contact; several.c decides about impacts and the ends of sliding with several
-   ones.  The caller decides about all other events: the others with several contacts, and those without a unique motion. */
+   Here are those about lanes with one closed contact; several.c decides about several ones, and about dry friction of
+   joints.  The caller decides about events without a unique motion, and beyond the bounds of the enumerations. */
 #include "group.h"
 
 static const double TOUCHES = 1e-9;  /* gap, relative to the size of the mechanism, that counts as closed */
@@ -10,7 +10,9 @@ static const double FLIGHT = 2.05;  /* first step after an impact, relative to t
 static const double STARTING = 10.0; /* speed that counts as zero at the start of slip, over the tolerance */
 static const double BOUNCES = 1e-6; /* impact speed, relative to the fastest one before, below which bodies stay together */
 static const double COARSER = 4.0, COARSEST = 1e4; /* by what a cluster of events raises that, and the most */
+enum { PROJECTIONS = 3 }; /* most projections of a state with normal speeds */
 static const double PROMPT = 1e-14; /* time between two turns of a slide, over the larger of the time and 1 s, that is none */
+enum { HOLDS = 1, SLIDES = 2 }; /* decided at this instant: sticks without a reserve of friction, slips in any case */
 static const int64_t MOST = 10000, AT_ONCE = 100;  /* events of a realisation, and those without progress in time */
 
 /* -- numbers of a realisation --------------------------------------------------------------------------------------- */
@@ -134,8 +136,7 @@ static void arm(const Problem *p, Group *g) {
                     along += g->work[c->speed[d]][l] * heading[d];
                 e->resting[at + 1] = along <= e->slow[m];
             }
-            if (e->held[m * c->events + k]) e->resting[at + 1] = mode == STICK;
-            e->held[m * c->events + k] = 0;
+            if (e->held[m * c->events + k] == HOLDS && g->now[l] <= e->later[m]) e->resting[at + 1] = mode == STICK;
         }
     }
 }
@@ -150,14 +151,16 @@ typedef struct {
 } Outcome;
 
 static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Outcome *o);
-static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, int lands, Outcome *o, int *closed);
+static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, int64_t kind, Outcome *o, int *project,
+                            Limit *limit);
+static int complete_limit(const Problem *p, Group *g, int64_t l, Limit *x, Outcome *o);
 
 /* What the event of a lane may be. */
 static int64_t kind_of(const Problem *p, const Group *g, int64_t l, int64_t guard) {
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
     int64_t m = g->member[l], k = guard / 2, own = e->mode[m * c->events + k];
-    if (e->total[m] > MOST || e->stalled[m] > AT_ONCE || g->now[l] <= e->later[m]) return UNDECIDED;
+    if (e->total[m] > MOST || e->stalled[m] > AT_ONCE) return UNDECIDED;
     if (g->now[l] >= g->end[l] - (g->low[l] - g->begin[l])) return UNDECIDED; /* the caller ends the interval */
     if (c->first[k + 1] - c->first[k] > MOST_DIRECTIONS) return UNDECIDED;
     if (guard % 2 == 0) return own == OPEN ? LANDS : LIFTS;
@@ -260,18 +263,21 @@ static int turns_slide(const Group *g, int64_t l, const Touch *t, int64_t mode, 
     return 1;
 }
 
-/* Decide about lanes that land with states in the work array, or stop sliding: modes, and whether a slide turns. */
+/* Decide about lanes that land with states in the work array, or stop sliding: modes, and whether a slide turns; and about
+   all lanes with several contacts. */
 static void decide_modes(const Problem *p, Group *g, const int64_t *guards, const int *several, Outcome *outcomes,
-                         int64_t *kinds, Mask *project) {
+                         int64_t *kinds, Mask *project, Limit *limits) {
     const Encounters *e = g->pool->encounters;
     Lane s = lane_of(p->contacts, g);
     for (int64_t l = 0; l < LANES; l++) {
-        if (kinds[l] != LANDS && kinds[l] != STOPS) continue;
+        limits[l].needed = 0;
+        if (kinds[l] == UNDECIDED || kinds[l] == REBOUNDS) continue;
+        if (!several[l] && kinds[l] != LANDS && kinds[l] != STOPS) continue;
         int64_t m = g->member[l], k = guards[l] / 2, lands = kinds[l] == LANDS;
         Outcome *o = outcomes + l;
         if (several[l] || !is_alone(p, g, l, k)) {
             int closed = 0;
-            if (!decide_all_modes(p, g, l, k, lands, o, &closed)) {
+            if (!decide_all_modes(p, g, l, k, kinds[l], o, &closed, limits + l)) {
                 kinds[l] = UNDECIDED;
                 continue;
             }
@@ -323,10 +329,19 @@ static int64_t decide_start(const Problem *p, Group *g, int64_t l, int64_t k) {
     if (!(sliding_response(&t, heading) > CLEAR * t.matrix[0][0])) return UNDECIDED;
     keep_one(p->contacts, g, l, k, SLIP, heading);
     e->starting[m] = STARTING * g->floor[l];
-    /* the caller decides about further events at this instant */
-    e->later[m] = g->now[l] + e->together;
+    for (int64_t i = 0; i < p->contacts->events; i++) e->held[m * p->contacts->events + i] = i == k ? SLIDES : 0;
+    e->later[m] = g->now[l] + greatest(e->together, PROMPT * __builtin_fabs(g->now[l]));
     note(e, m, g->now[l], k, BEGINS_SLIPPING);
     return STARTS;
+}
+
+/* Project the states of lanes onto their constraints and lasting contacts. */
+static void put_on_all(const Problem *p, Group *g, Mask which) {
+    copy(g->work, g->z, p->width);
+    g->work[p->time] = smaller(larger(g->now, g->low), g->high);
+    put_on_constraints(p, g, which);
+    put_on_contacts(p, g, which);
+    for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(which & (g->work[i] == g->work[i]), g->work[i], g->z[i]);
 }
 
 /* Project the states of lanes onto their constraints and their new contacts. */
@@ -337,13 +352,55 @@ static void settle(const Problem *p, Group *g, Mask which, const Outcome *outcom
     /* a small speed against the direction in which a slide begins is removed, as if the contact would stick */
     for (int64_t l = 0; l < LANES; l++)
         for (int64_t i = 0; i < outcomes[l].turns; i++) e->mode[g->member[l] * events + outcomes[l].turn[i]] = STICK;
-    copy(g->work, g->z, p->width);
-    g->work[p->time] = smaller(larger(g->now, g->low), g->high);
-    put_on_constraints(p, g, which);
-    put_on_contacts(p, g, which);
-    for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(which & (g->work[i] == g->work[i]), g->work[i], g->z[i]);
+    put_on_all(p, g, which);
     for (int64_t l = 0; l < LANES; l++)
         for (int64_t i = 0; i < outcomes[l].turns; i++) e->mode[g->member[l] * events + outcomes[l].turn[i]] = SLIP;
+}
+
+/* Complete the decisions of some lanes with their contacts a short time later, with the present motion. */
+static void look_ahead(const Problem *p, Group *g, const int64_t *guards, Limit *limits, Outcome *outcomes,
+                       int64_t *kinds) {
+    Mask some = {0};
+    V span = splat(0.0);
+    copy(g->next, g->z, p->width);
+    for (int64_t l = 0; l < LANES; l++) {
+        Limit *x = limits + l;
+        if (!x->needed) continue;
+        some[l] = -1;
+        double most = AHEAD * g->pool->encounters->together, left = 0.5 * (g->end[l] - g->now[l]);
+        span[l] = x->span = greatest(0.0, left < most ? left : most);
+        for (int64_t i = 0; i < p->coordinates; i++) {
+            double a = change_of(p, g, l, i, -1), v = g->z[p->velocities + i][l];
+            for (int64_t j = 0; j < x->now.first[x->now.count]; j++)
+                a += change_of(p, g, l, i, x->now.direction[j]) * x->lasting.force[j];
+            g->next[i][l] += x->span * (v + 0.5 * x->span * a);
+            g->next[p->velocities + i][l] += x->span * a;
+        }
+    }
+    if (!any(some)) return;
+    copy(g->work, g->z, p->width);
+    g->work[p->time] = smaller(larger(g->now, g->low), g->high);
+    if (p->velocities > p->coordinates) run_program(&p->motion, g->work);
+    for (int64_t i = p->coordinates; i < p->velocities; i++) g->next[i] += span * g->work[p->rate[i]];
+    for (int64_t i = 0; i < p->width; i++) g->work[i] = choose(some, g->next[i], g->z[i]);
+    g->work[p->time] = smaller(larger(g->now + span, g->low), g->high);
+    look(p, g, some, guards);
+    for (int64_t l = 0; l < LANES; l++)
+        if (some[l] && !complete_limit(p, g, l, limits + l, outcomes + l)) kinds[l] = UNDECIDED;
+}
+
+/* Project the states of lanes whose lasting contacts have normal speeds: steps project them to first order only.  Their
+   contacts are in the work array, before and after. */
+static void bring_to_rest(const Problem *p, Group *g, Mask which, const int64_t *guards) {
+    for (int64_t count = 0; count < PROJECTIONS; count++) {
+        Mask moving = {0};
+        for (int64_t l = 0; l < LANES; l++) moving[l] = which[l] && !are_at_rest(p, g, l) ? -1 : 0;
+        if (!any(moving)) return;
+        put_on_all(p, g, moving);
+        copy(g->work, g->z, p->width);
+        g->work[p->time] = smaller(larger(g->now, g->low), g->high);
+        look(p, g, which, guards);
+    }
 }
 
 /* Decide about the events of lanes, and restart the motions; lanes whose events the caller has to decide. */
@@ -353,6 +410,7 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
     int64_t kinds[LANES];
     int several[LANES] = {0};
     Outcome outcomes[LANES];
+    Limit limits[LANES];
     Mask some = {0}, landing = {0}, project = {0}, left = {0};
     for (int64_t l = 0; l < LANES; l++) {
         outcomes[l].hits = outcomes[l].turns = 0;
@@ -361,21 +419,22 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
     }
     if (any(some)) {
         copy(g->work, g->z, p->width);
-        copy(g->next, g->z, p->width);
         g->work[p->time] = smaller(larger(g->now, g->low), g->high);
         look(p, g, some, guards);
+        bring_to_rest(p, g, some, guards);
+        copy(g->next, g->z, p->width);
         for (int64_t l = 0; l < LANES; l++) {
             if (!some[l]) continue;
             int64_t k = guards[l] / 2, m = g->member[l];
-            several[l] = !is_alone(p, g, l, k);
-            if (!are_at_rest(p, g, l) || (several[l] && kinds[l] != LANDS && kinds[l] != STOPS)) {
+            several[l] = !is_alone(p, g, l, k) || (kinds[l] == STARTS && g->now[l] <= e->later[m]);
+            if (!are_at_rest(p, g, l)) {
                 kinds[l] = UNDECIDED;
             } else if (kinds[l] == LANDS) {
                 kinds[l] = several[l] ? decide_blows(p, g, l, k, outcomes + l) : decide_impact(p, g, l, k, outcomes + l);
                 landing[l] = kinds[l] == LANDS ? -1 : 0;
-            } else if (kinds[l] == STARTS) {
+            } else if (kinds[l] == STARTS && !several[l]) {
                 kinds[l] = decide_start(p, g, l, k);
-            } else if (kinds[l] == LIFTS) {
+            } else if (kinds[l] == LIFTS && !several[l]) {
                 e->starting[m] = 0.0;
                 keep_one(c, g, l, k, OPEN, 0);
                 note(e, m, g->now[l], k, LIFTS_OFF);
@@ -386,7 +445,8 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
             for (int64_t i = 0; i < p->width; i++) g->work[i] = choose(landing, g->next[i], g->z[i]);
             look(p, g, some, guards);
         }
-        decide_modes(p, g, guards, several, outcomes, kinds, &project);
+        decide_modes(p, g, guards, several, outcomes, kinds, &project, limits);
+        look_ahead(p, g, guards, limits, outcomes, kinds);
         settle(p, g, project, outcomes);
     }
     for (int64_t l = 0; l < LANES; l++) {

@@ -259,7 +259,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
             status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
     }
     Mask left = stopped;
-    if (any(stopped) && pool->encounters->decides) left = decide_events(p, g, stopped, happened);
+    if (any(stopped) && pool->encounters->decides == 1) left = decide_events(p, g, stopped, happened);
     for (int64_t l = 0; l < LANES; l++) {
         if (!taken[l] || !watched) continue;
         if (stopped[l] && !left[l]) status[l] = pool->encounters->reports && !g->arming[l] ? STEPPED : RUNNING;

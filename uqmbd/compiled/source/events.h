@@ -57,12 +57,14 @@ typedef struct {
     double *fastest, *coarse; /* (member): fastest impact, and a factor of the speed below which bodies stay together */
     double *starting;       /* (member): a speed that is none after the start of sliding */
     double *turned;         /* (member): when the direction of a starting slide has turned last */
-    double *later;          /* (member): until this time the caller decides */
-    int64_t *held;          /* (member, event): contacts that stick without a reserve of friction */
+    double *later;          /* (member): end of the instant of the last decision on friction at its limit */
+    int64_t *held;          /* (member, event): by that decision a contact sticks without a reserve of friction (1), or
+                               slips in any case (2) */
     int64_t *arming;        /* (member): guards have to be found before the next step */
     int64_t room;
     int64_t watched;        /* whether guards are looked at */
-    int64_t decides, reports; /* whether decisions are made here, and whether lanes stop at each restart */
+    int64_t decides, reports; /* whether decisions are made here (1), or events are counted here only (2); and whether
+                                 lanes stop at each restart */
     double window, together; /* durations of a cluster, and of an instant */
 } Encounters;
 

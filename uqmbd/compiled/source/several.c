@@ -1,14 +1,14 @@
-/* Decisions about events of lanes with several closed contacts: impacts, and the ends of sliding. */
+/* Decisions about events of lanes with several closed contacts, or with dry friction of joints. */
 #include "group.h"
 
-/* Add a contact to the closed ones of a lane; whether it has a motion, and there is room. */
+/* Add a contact to the closed ones of a lane; whether there is room.  The normal direction of dry friction has no motion. */
 static int add_closed(const Problem *p, const Group *g, int64_t l, int64_t k, Closed *x) {
     const Contacts *c = p->contacts;
     int64_t n = p->coordinates, count = c->first[k + 1] - c->first[k], moves = 0;
     if (x->count == MOST_CLOSED || count > MOST_DIRECTIONS) return 0;
     for (int64_t i = 0; i < n; i++) moves |= g->work[c->slope[c->first[k] * n + i]][l] != 0.0;
-    if (!moves) return 0;
     int64_t place = x->count++, first = x->first[place];
+    x->given[place] = !moves;
     x->event[place] = k;
     x->restitution[place] = g->work[c->law[2 * k]][l];
     x->friction[place] = g->work[c->law[2 * k + 1]][l];
@@ -69,9 +69,9 @@ static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Ou
     return LANDS;
 }
 
-/* Note what changes in a lane: contacts that are hit, lift off, begin to rest, to stick or to slip. */
-static void note_changes(const Contacts *c, const Group *g, int64_t l, const Outcome *o, const Closed *x,
-                         const int64_t *mode) {
+/* Note contacts of a lane that are hit, lift off, or begin to rest. */
+static void note_contacts(const Contacts *c, const Group *g, int64_t l, const Outcome *o, const Closed *x,
+                          const int64_t *mode) {
     const Encounters *e = g->pool->encounters;
     int64_t m = g->member[l];
     const int64_t *before = e->mode + m * c->events;
@@ -83,11 +83,89 @@ static void note_changes(const Contacts *c, const Group *g, int64_t l, const Out
     }
     for (int64_t i = 0; i < x->count; i++)
         if (before[x->event[i]] == OPEN && mode[i] != OPEN) note(e, m, g->now[l], x->event[i], BEGINS_RESTING);
+}
+
+/* Note contacts of a lane that begin to stick or to slip. */
+static void note_slides(const Group *g, int64_t l, const Closed *x, const int64_t *before, const int64_t *mode) {
     for (int64_t i = 0; i < x->count; i++) {
-        int64_t old = before[x->event[i]], now = mode[i];
+        int64_t old = before[i], now = mode[i];
         if (old == OPEN || (now != STICK && now != SLIP) || (old == STICK) == (now == STICK)) continue;
-        note(e, m, g->now[l], x->event[i], now == STICK ? BEGINS_STICKING : BEGINS_SLIPPING);
+        note(g->pool->encounters, g->member[l], g->now[l], x->event[i], now == STICK ? BEGINS_STICKING : BEGINS_SLIPPING);
     }
+}
+
+/* Put the closed contacts of a lane into their states. */
+static void keep_lasting(const Contacts *c, Group *g, int64_t l, const Closed *x, const Lasting *s) {
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l], *mode = e->mode + m * c->events;
+    double *heading = e->heading + m * c->directions, *internal = e->internal + m * c->directions;
+    g->touching[l] = 0;
+    for (int64_t i = 0; i < c->events; i++) mode[i] = OPEN;
+    for (int64_t d = 0; d < c->directions; d++) heading[d] = internal[d] = 0.0;
+    for (int64_t i = 0; i < x->count; i++) {
+        mode[x->event[i]] = s->mode[i];
+        if (s->mode[i] != OPEN) g->touching[l] = -1;
+        for (int64_t j = x->first[i]; j < x->first[i + 1]; j++) {
+            internal[x->direction[j]] = s->internal[j];
+            if (s->mode[i] == SLIP && j > x->first[i]) heading[x->direction[j]] = s->heading[i][j - x->first[i] - 1];
+        }
+    }
+}
+
+/* Remove small speeds against slides that begin: the contacts whose speeds are removed. */
+static void note_turns(const Closed *x, const Lasting *s, Outcome *o) {
+    o->turns = 0;
+    for (int64_t i = 0; i < x->count; i++) {
+        double along = 0.0;
+        for (int64_t j = x->first[i] + 1; s->mode[i] == SLIP && j < x->first[i + 1]; j++)
+            along += s->heading[i][j - x->first[i] - 1] * x->speed[j];
+        if (along < 0.0) o->turn[o->turns++] = x->event[i];
+    }
+}
+
+/* Lasting contacts of a lane, after `look`; whether their number is within the bound. */
+static int collect_lasting(const Problem *p, const Group *g, int64_t l, Closed *x) {
+    const Contacts *c = p->contacts;
+    x->count = x->first[0] = 0;
+    for (int64_t i = 0; i < c->events; i++)
+        if (g->pool->encounters->mode[g->member[l] * c->events + i] != OPEN && !add_closed(p, g, l, i, x)) return 0;
+    return complete(p, g, l, x);
+}
+
+/* Contacts of a lane that are closed and have no normal speed, without one that leaves (-1: none). */
+static int collect_closed(const Problem *p, const Group *g, int64_t l, double slow, int64_t leaving, Closed *x) {
+    const Contacts *c = p->contacts;
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l];
+    x->count = x->first[0] = 0;
+    for (int64_t i = 0; i < c->events; i++) {
+        if (c->first[i + 1] == c->first[i] || i == leaving) continue;
+        double most = e->mode[m * c->events + i] == OPEN ? TOUCHES : HELD;
+        if (!(g->work[c->gap[i]][l] <= most * e->length[m])) continue;
+        if (!(__builtin_fabs(g->work[c->speed[c->first[i]]][l]) <= slow)) continue;
+        if (!add_closed(p, g, l, i, x)) return 0;
+    }
+    return !x->count || complete(p, g, l, x);
+}
+
+/* States of the lasting contacts of a lane so far, with their forces. */
+static int lasting_so_far(const Contacts *c, const Group *g, int64_t l, const Closed *x, Lane *s, int with_internal,
+                          Lasting *found) {
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l];
+    for (int64_t i = 0; i < x->count; i++) {
+        found->mode[i] = e->mode[m * c->events + x->event[i]];
+        for (int64_t j = x->first[i] + 1; j < x->first[i + 1]; j++)
+            found->heading[i][j - x->first[i] - 1] = e->heading[m * c->directions + x->direction[j]];
+    }
+    if (!find_lasting_forces(x, s, found)) return 0;
+    if (!with_internal) return 1;
+    for (int64_t j = 0; j < x->first[x->count]; j++) {
+        found->force[j] -= found->internal[j];
+        found->internal[j] = e->internal[m * c->directions + x->direction[j]];
+        found->force[j] += found->internal[j];
+    }
+    return 1;
 }
 
 /* Whether the closed contacts of a lane are those before, in the same states. */
@@ -103,55 +181,115 @@ static int are_as_before(const Contacts *c, const int64_t *before, const Closed 
     return same == lasting;
 }
 
-/* Decide about a lane that lands with its state in the work array, or stops sliding in contact k: the states of all
-   contacts; whether they are known, and whether to project the state onto the contacts. */
-static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, int lands, Outcome *o, int *project) {
+/* Decide what is left with the contacts of a lane a short time later: contacts at their limit, and which of them slip. */
+static int prepare_limit(const Problem *p, const Group *g, int64_t l, int64_t k, Limit *x) {
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
-    int64_t m = g->member[l], mode[MOST_CLOSED], *before = e->mode + m * c->events, slips = 0, turned = 0, closed = 0;
-    double still = slow_speed(e, m), slow = lands ? still : greatest(still, e->starting[m]), heading[MOST_CLOSED][2];
+    Closed *now = &x->now;
+    Lane s = lane_of(c, g);
+    int64_t count = now->count, event[MOST_CLOSED], mode[MOST_CLOSED];
+    for (int64_t i = 0; i < count; i++) {
+        event[i] = now->event[i];
+        mode[i] = x->before[i];
+    }
+    if (!collect_lasting(p, g, l, now) || !lasting_so_far(c, g, l, now, &s, 1, &x->lasting)) return 0;
+    for (int64_t i = 0; i < now->count; i++) {
+        double room = reserve_of(now, x->lasting.mode, i, x->lasting.force);
+        int own = now->event[i] == k, cone = has_cone(now, x->lasting.mode, i);
+        x->before[i] = OPEN;
+        for (int64_t j = 0; j < count; j++)
+            if (event[j] == now->event[i]) x->before[i] = mode[j];
+        x->forced[i] = x->again && (own || e->held[g->member[l] * c->events + now->event[i]] == SLIDES);
+        x->limited[i] = x->forced[i] || (own && now->count == 1) ||
+                        (cone && room <= AT_LIMIT * now->friction[i] * x->lasting.force[now->first[i]]);
+    }
+    /* another distribution of forces may hold the bodies: then nothing slips */
+    int reached = 0;
+    for (int64_t i = 0; i < now->count; i++) reached |= now->event[i] == k && x->limited[i];
+    for (int64_t i = 0; i < now->count && !reached; i++) x->limited[i] = 0;
+    x->needed = 1;
+    return 1;
+}
+
+/* Complete a decision on contacts at their limit, or on forces of redundant contacts, with the contacts a short time later
+   in the work array; whether the laws have a solution. */
+static int complete_limit(const Problem *p, Group *g, int64_t l, Limit *x, Outcome *o) {
+    const Contacts *c = p->contacts;
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l], slides = 0, *held = e->held + m * c->events;
+    double now = g->now[l];
+    Lane s = lane_of(c, g);
+    Closed later;
+    if (!collect_lasting(p, g, l, &later) || later.first[later.count] != x->now.first[x->now.count]) return 0;
+    for (int64_t i = 0; i < x->now.count; i++) slides |= x->limited[i];
+    if (!slides)
+        prolong(&later, &s, x);
+    else if (!let_slip(&later, &s, x))
+        return 0;
+    keep_lasting(c, g, l, &x->now, &x->lasting);
+    note_slides(g, l, &x->now, x->before, x->lasting.mode);
+    note_turns(&x->now, &x->lasting, o);
+    for (int64_t i = 0; i < c->events; i++) held[i] = 0;
+    for (int64_t i = 0; i < x->now.count; i++)
+        held[x->now.event[i]] = x->limited[i] ? HOLDS : x->forced[i] ? SLIDES : 0;
+    e->later[m] = now + greatest(e->together, PROMPT * __builtin_fabs(now));
+    if (slides) e->starting[m] = STARTING * g->floor[l];
+    return 1;
+}
+
+/* Decide about a lane that lands with its state in the work array, stops or begins to slide in contact k, or in which
+   this contact is not pressed any more: the states of all contacts.  Whether they are known; `project`: whether to project
+   the state onto the contacts; `limit`: what is left to decide with the contacts a short time later. */
+static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, int64_t kind, Outcome *o, int *project,
+                            Limit *limit) {
+    const Contacts *c = p->contacts;
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l], *before = e->mode + m * c->events;
+    int slips = 0, sticks = 0, closed = 0;
+    double still = slow_speed(e, m), slow = kind == STOPS ? greatest(still, e->starting[m]) : still;
     Lane s = lane_of(c, g);
     Touch t = touch_of(p, g, l, k);
-    *project = 0;
-    if (!lands && length_along(&t, t.speed) > slow) { /* a fast slide has only changed its direction */
+    *project = limit->needed = 0;
+    limit->again = g->now[l] <= e->later[m];
+    if (kind == STOPS && length_along(&t, t.speed) > slow) { /* a fast slide has only changed its direction */
         turns_slide(g, l, &t, SLIP, e->heading + m * c->directions + c->first[k] + 1);
         return 1;
     }
-    Closed x;
-    x.count = x.first[0] = 0;
-    for (int64_t i = 0; i < c->events; i++) {
-        if (c->first[i + 1] == c->first[i]) continue;
-        double most = before[i] == OPEN ? TOUCHES : HELD;
-        if (!(g->work[c->gap[i]][l] <= most * e->length[m])) continue;
-        if (!(__builtin_fabs(g->work[c->speed[c->first[i]]][l]) <= slow)) continue;
-        if (!add_closed(p, g, l, i, &x)) return 0;
-    }
-    if (x.count && !(complete(p, g, l, &x) && modes_of(&x, slow, &s, mode, heading))) return 0;
-    for (int64_t i = 0; i < x.count; i++) {
-        closed += mode[i] != OPEN;
-        slips |= x.event[i] == k && mode[i] == SLIP;
-    }
-    if (!lands && are_as_before(c, before, &x, mode)) {
-        for (int64_t i = 0; i < x.count; i++)
-            if (x.event[i] == k) turned = turns_slide(g, l, &t, mode[i], heading[i]);
-    }
-    if (!turned) {
-        note_changes(c, g, l, o, &x, mode);
-        e->starting[m] = !lands && slips ? STARTING * g->floor[l] : 0.0;
-        *project = closed > 0;
-    }
-    for (int64_t i = 0; i < c->events; i++) before[i] = OPEN;
-    for (int64_t d = 0; d < c->directions; d++) e->heading[m * c->directions + d] = e->internal[m * c->directions + d] = 0.0;
-    for (int64_t i = 0; i < x.count; i++) {
-        double along = 0.0;
-        before[x.event[i]] = mode[i];
-        for (int64_t j = x.first[i] + 1; mode[i] == SLIP && j < x.first[i + 1]; j++) {
-            double direction = heading[i][j - x.first[i] - 1];
-            e->heading[m * c->directions + x.direction[j]] = direction;
-            along += direction * x.speed[j];
+    if (kind != STOPS) e->starting[m] = 0.0;
+    Closed *x = &limit->now;
+    Lasting *found = &limit->lasting;
+    if (kind == LIFTS || (kind == STARTS && limit->again)) {
+        if (!collect_lasting(p, g, l, x)) return 0;
+        for (int64_t i = 0; i < x->count; i++) limit->before[i] = before[x->event[i]];
+        if (kind == STARTS) return prepare_limit(p, g, l, k, limit);
+        /* other forces of redundant contacts may press all of them */
+        if (x->count > 1 && !limit->again && lasting_so_far(c, g, l, x, &s, 0, found) && has_internal(x, found) &&
+            are_pressed(x, found, 0.0)) {
+            for (int64_t i = 0; i < x->count; i++) limit->limited[i] = limit->forced[i] = 0;
+            return limit->needed = 1;
         }
-        if (along < 0.0) o->turn[o->turns++] = x.event[i];
     }
-    g->touching[l] = closed ? -1 : 0;
+    if (!collect_closed(p, g, l, slow, kind == LIFTS ? k : -1, x)) return 0;
+    if (x->count && !find_lasting(x, slow, &s, found)) return 0;
+    for (int64_t i = 0; i < x->count; i++) {
+        limit->before[i] = before[x->event[i]];
+        closed += found->mode[i] != OPEN;
+        slips |= x->event[i] == k && found->mode[i] == SLIP;
+        sticks |= x->event[i] == k && found->mode[i] == STICK;
+    }
+    if (kind == STOPS && are_as_before(c, before, x, found->mode)) {
+        for (int64_t i = 0; i < x->count; i++)
+            if (x->event[i] == k && turns_slide(g, l, &t, found->mode[i], found->heading[i])) {
+                keep_lasting(c, g, l, x, found);
+                return 1;
+            }
+    }
+    note_contacts(c, g, l, o, x, found->mode);
+    keep_lasting(c, g, l, x, found);
+    note_turns(x, found, o);
+    *project = closed > 0;
+    if (kind == STARTS && sticks) return prepare_limit(p, g, l, k, limit);
+    note_slides(g, l, x, limit->before, found->mode);
+    if (kind == STOPS) e->starting[m] = slips ? STARTING * g->floor[l] : 0.0;
     return 1;
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from uqmbd.compiled import Encounters, Touching
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.contact.limits import AtLimit, contacts_at_limit, most_durable_forces, slipping_together
+from uqmbd.dynamics.contact.limits import contacts_at_limit, most_durable_forces, slipping_together
 from uqmbd.dynamics.contact.persistent import (
     CLOSED,
     ContactModes,
@@ -42,6 +42,8 @@ so at times that differ by it."""
 START = 10.0
 """Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant; as in
 decisions.c."""
+HOLDS, SLIDES = 1, 2
+"""Decided at this instant: a contact sticks without a reserve of friction, or slips in any case; as in decisions.c."""
 HELD = 1e-6
 """Largest gap of a contact that has persisted so far, relative to the size of the mechanism."""
 
@@ -72,8 +74,6 @@ class Decisions:
         self.duration, self.coarse = duration, START * tolerance
         # (M,): time until which prescribed functions are smooth, s
         self.until = np.full(len(batch), np.inf)
-        # last decision of each realisation on friction at its limit
-        self.at_limit: dict[int, AtLimit] = {}
         # by realisation: first time and contacts at which several motions satisfy the laws
         self.several: dict[int, str] = {}
 
@@ -153,7 +153,7 @@ class Decisions:
         after the first only add slipping contacts.
         """
         before, again = self.lasting(member), self._again(member, time)
-        forced = {*self.at_limit[member].forced, event} if again else set[int]()
+        forced = {*np.flatnonzero(self.encounters.held[member] == SLIDES).tolist(), event} if again else set[int]()
         if len(before.modes) > 1 and not again:
             # other contacts may also slip, or internal forces may hold the bodies
             z = self.settle(member, time, z)
@@ -167,7 +167,7 @@ class Decisions:
         ahead = self._ahead(member, time, z, motion, span) if len(before.modes) > 1 else contacts
         if len(before.modes) > 1 and event not in limited and not again:
             self._keep(member, most_durable_forces(contacts, ahead, before, motion, span), contacts)
-            self.note_limit(member, AtLimit(time, frozenset(), frozenset()))
+            self.note_limit(member, time)
             return z
         limited = sorted({*limited, *forced, event})
         slips = slipping_together(contacts, ahead, before, motion, limited, forced)
@@ -183,7 +183,7 @@ class Decisions:
         found, _ = with_internal(contacts, ContactModes(modes, {**before.headings, **slips}))
         self._keep(member, found, contacts)
         self.starting[member] = self.coarse[member]
-        self.note_limit(member, AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips)))
+        self.note_limit(member, time, forced=list(slips), held=[k for k in limited if k not in slips])
         return z
 
     def _unloaded(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> bool:
@@ -197,13 +197,15 @@ class Decisions:
         span = self._span(member, time)
         found = most_durable_forces(contacts, self._ahead(member, time, z, motion, span), found, motion, span)
         self._keep(member, found, contacts)
-        self.note_limit(member, AtLimit(time, frozenset(), frozenset()))
+        self.note_limit(member, time)
         return True
 
-    def note_limit(self, member: int, decision: AtLimit) -> None:
-        """Store a decision about contacts at their limit, after which the driver decides nothing at this time."""
-        self.at_limit[member] = decision
-        self.encounters.later[member] = decision.time + self._instant(decision.time)
+    def note_limit(self, member: int, time: float, forced: Sequence[int] = (), held: Sequence[int] = ()) -> None:
+        """Store a decision about contacts at their limit: those that slip in any case, and those without reserve."""
+        self.encounters.held[member] = 0
+        self.encounters.held[member, list(forced)] = SLIDES
+        self.encounters.held[member, list(held)] = HOLDS
+        self.encounters.later[member] = time + self._instant(time)
 
     def _instant(self, time: float) -> float:
         """Return the time between decisions on friction at its limit that counts as zero, s."""
@@ -211,16 +213,11 @@ class Decisions:
 
     def _again(self, member: int, time: float) -> bool:
         """Return whether the last decision about contacts at their limit was at this time."""
-        earlier = self.at_limit.get(member)
-        return earlier is not None and time - earlier.time <= self._instant(time)
+        return time <= float(self.encounters.later[member])
 
     def _span(self, member: int, time: float) -> float:
         """Return the time difference for rates of forces, s."""
         return max(0.0, min(AHEAD * self.duration, 0.5 * float(self.until[member] - time)))
-
-    def sticking_at_limit(self, member: int, time: float) -> frozenset[int]:
-        """Return the contacts that stick without a reserve of friction by a decision at this time."""
-        return self.at_limit[member].held if self._again(member, time) else frozenset()
 
     def _ahead(self, member: int, time: float, z: Array, motion: ContactMotion, span: float) -> ContactQuantities:
         """Evaluate the contacts a short time later, with the present motion."""

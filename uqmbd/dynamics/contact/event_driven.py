@@ -1,8 +1,8 @@
 """Event-driven integration: the driver integrates each realisation from one of its events to the next.
 
-The driver makes steps, locates events in a step, and decides about events of single contacts: impacts, rest, lift-off,
-and the ends of sticking and sliding. With several contacts it decides about impacts and the ends of sliding. A
-realisation with another event waits for a decision in Python, while the others continue. Decreasing bounces end in a
+The driver makes steps, locates events in a step, and decides about them: impacts, rest, lift-off, and the ends of
+sticking and sliding. A realisation whose event it leaves undecided waits for a decision in Python, while the others
+continue. Decreasing bounces end in a
 persistent contact, which sticks or slips, and from which bodies may lift off.
 """
 
@@ -256,9 +256,7 @@ class EventDrivenMotion:
         run, e = self.run, self.encounters
         e.since[members] = run.now[members]
         e.restarts[members] += 1
-        e.arming[members], e.held[members] = 1, 0
-        for m in members.tolist():
-            e.held[m, list(self.decisions.sticking_at_limit(m, float(run.now[m])))] = 1
+        e.arming[members] = 1
         run.fresh[members], run.rejected[members], run.refused[members] = 1, 0, 0
         run.status[members] = np.where(
             run.status[members] == ExplicitStatus.DONE, ExplicitStatus.DONE, ExplicitStatus.RUNNING

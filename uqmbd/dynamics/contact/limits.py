@@ -29,7 +29,7 @@ from uqmbd.dynamics.contact.redundant import AT_LIMIT, forces_valid_longest, mot
 from uqmbd.dynamics.linear import lemke
 from uqmbd.typing import Array
 
-__all__ = ["AtLimit", "contacts_at_limit", "most_durable_forces", "slipping_together"]
+__all__ = ["contacts_at_limit", "most_durable_forces", "slipping_together"]
 
 
 RESTS = 1e-7
@@ -42,14 +42,6 @@ TURNS = 4
 """Number of steps of Newton's method for the directions of sliding."""
 SINGULAR = 1e-11
 """Relative size of a singular value that counts as zero."""
-
-
-class AtLimit(NamedTuple):
-    """Decision on contacts at their limit: time in s, contacts forced to slip, contacts held without reserve."""
-
-    time: float
-    forced: frozenset[int]
-    held: frozenset[int]
 
 
 def contacts_at_limit(contacts: ContactQuantities, lasting: ContactModes, force: Array) -> list[int]:

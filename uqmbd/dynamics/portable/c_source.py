@@ -33,7 +33,10 @@ PARTS = (
     "radau",
     "dense",
     "coulomb",
+    "reserves",
     "collisions",
+    "lasting",
+    "limits",
     "decisions",
     "several",
     "dop853",
@@ -44,7 +47,7 @@ PARTS = (
 HEADERS = ("program", "tables", "control", "events", "radau", "dop853", "group", "assembly")
 """Headers of these source files, without the header of vectors, which ``single_lane.h`` replaces."""
 
-DECIDING = ("coulomb", "collisions", "decisions", "several")
+DECIDING = ("coulomb", "reserves", "collisions", "lasting", "limits", "decisions", "several")
 """Sources that only motions with contacts need; without contacts, ``undecided.c`` replaces them."""
 
 _BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}

@@ -1,8 +1,6 @@
 /* Decisions about events of one realisation: where `advance` leaves them to its caller, and Python decides otherwise. */
 #include "waiting.h"
 
-enum { PROJECTIONS = 3 };
-
 /* Project the state of the first lane onto its constraints and persistent contacts. */
 static void project_lane(const Problem *p, Group *g) {
     const Mask which = {-1};
