@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_calibration.inference import Bias, require_sampler
 from uqmbd_calibration.posterior_search import Found, find
 from uqmbd_calibration.records import Record, check_size, checked_records, short
@@ -17,6 +18,7 @@ from uqmbd_calibration.result import Calibration, tree_of, warn_of
 __all__ = ["calibrate"]
 
 
+@typechecked(values=False)
 def calibrate(
     study: uqmbd.Study,
     records: Record | Sequence[Record],

@@ -9,6 +9,7 @@ import sympy
 from sympy.logic.boolalg import Boolean
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.laws import depth, depth_rate, law_values, registered_contact_law, speed
 
 __all__ = [
@@ -47,6 +48,7 @@ NUMBERS = stiffness, exponent, damping, friction
 SYMBOLS = (depth, depth_rate, speed, *NUMBERS)
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class ContactLaw:
     """Law of compliant contact, for the argument ``law`` of `PlaneContact` and similar components.

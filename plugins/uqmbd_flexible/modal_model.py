@@ -20,6 +20,7 @@ SYMMETRIC = 1e-8
 """Largest difference of a matrix from its transpose, relative to its largest entry."""
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class NodeShape:
     """Place of a node, and its displacement and rotation in each mode.

@@ -12,6 +12,7 @@ import numpy as np
 import sympy
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.typing import Array
 from uqmbd_geometry.distances import Solid, contains, distance, solid_of
 from uqmbd_geometry.pairs import Pair, Side, pair_of
@@ -46,6 +47,7 @@ class Instants:
     digest: str  # of the bodies and the times
 
 
+@typechecked
 def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
     """Return the smallest distance of two bodies over the motion, for outputs and requirements.
 
@@ -90,6 +92,7 @@ def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
     return found
 
 
+@typechecked
 def clearance_over_time(body_a: Any, body_b: Any, times: Any) -> uqmbd.extend.OutputSeries:
     """Return the distance of two bodies at given times, for outputs: reports draw it over time.
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.shapes import Mesh
 from uqmbd.typing import Array, Quantity, Vector
 
@@ -81,6 +82,7 @@ def read_surface(path: str | os.PathLike[str], where: str) -> Any:
     return made
 
 
+@typechecked
 def read_mesh(
     path: str | os.PathLike[str],
     scale: Quantity = 1.0,
@@ -121,6 +123,7 @@ def read_mesh(
     return Mesh(found.vertices, found.faces, scale, position=position, rotation=turned)
 
 
+@typechecked
 def from_mesh(
     path: str | os.PathLike[str],
     density: Quantity,

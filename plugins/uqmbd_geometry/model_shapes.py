@@ -12,6 +12,7 @@ import numpy as np
 import sympy
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.shapes import BodyShape, Box, Capsule, Cylinder, Mesh, Sphere
 from uqmbd.typing import Array
 from uqmbd_geometry.meshes import read_mesh
@@ -28,6 +29,7 @@ class ModelShape:
     reason: str = ""
 
 
+@typechecked
 def add_model_shapes(
     mechanism: Any, path: str | os.PathLike[str] | None = None, which: str = "visual", folder: Any = None
 ) -> uqmbd.extend.Omissions:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.typing import Array, Mask
 from uqmbd_montecarlo.allocation import optimum
 from uqmbd_montecarlo.control import controls
@@ -29,6 +30,7 @@ LEAST_FURTHER = 2
 """Smallest number of further realisations from which their scatter can be estimated."""
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class LowFidelity:
     """Low-cost study of the same outputs, for ``MonteCarlo(control=...)``.

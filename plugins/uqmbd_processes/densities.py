@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.descriptions import describe_function
 from uqmbd_processes.paths import ShapingFilter
 
@@ -41,6 +42,7 @@ MOST_PANELS = 4096
 """Largest number of panels of the integral of a density."""
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class PowerSpectralDensity:
     """Power spectral density of a stationary random process.

@@ -17,6 +17,7 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.paths import check_positive
 
 __all__ = ["check_skip", "estimated_psd", "estimated_std", "order_amplitude", "remaining"]
@@ -189,6 +190,7 @@ def _estimated_std(motion: MotionPolynomials, skip: float) -> float:
     return math.sqrt(measure @ np.square(x - measure @ x))
 
 
+@typechecked(values=False)
 def estimated_std(expression: Any, *, skip: float = 0.0) -> sympy.Expr:
     """Return the standard deviation over time of a motion, for use in outputs.
 
@@ -228,6 +230,7 @@ def estimated_std(expression: Any, *, skip: float = 0.0) -> sympy.Expr:
     return found
 
 
+@typechecked(values=False)
 def estimated_psd(
     expression: Any,
     frequencies: float | Sequence[float],
@@ -324,6 +327,7 @@ def estimated_psd(
     return uqmbd.extend.OutputSeries(found, list(given), "frequency", per)
 
 
+@typechecked(values=False)
 def order_amplitude(
     expression: Any, angle: Any, orders: float | Sequence[float], *, skip: float = 0.0
 ) -> sympy.Expr | uqmbd.extend.OutputSeries:

@@ -16,6 +16,7 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.densities import PowerSpectralDensity, check_density, common_units, largest_power
 from uqmbd_processes.descriptions import (
     check_description,
@@ -47,6 +48,7 @@ Array = NDArray[np.float64]
 CACHED = ("_peak", "description", "marks", "_lines", "_line_powers")  # computed when they are needed
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, repr=False)
 class RandomProcess:
     """Stationary random process of the time or of a distance: a road, a gust, the motion of the ground.

@@ -12,6 +12,7 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.motion_spectra import check_skip, remaining
 from uqmbd_processes.paths import check_positive
 
@@ -54,6 +55,7 @@ def _rainflow_count(motion: MotionPolynomials, low: float, high: float, closed: 
     return float(counts[(ranges >= low) & ((ranges < high) | ((ranges == high) & (closed > 0)))].sum())
 
 
+@typechecked(values=False)
 def rainflow_damage(expression: Any, *, exponent: float, coefficient: float, skip: float = 0.0) -> sympy.Expr:
     """Return Miner's damage sum of the rainflow cycles of a motion, for use in an output.
 
@@ -110,6 +112,7 @@ def rainflow_damage(expression: Any, *, exponent: float, coefficient: float, ski
     return _rainflow_damage(expression, float(exponent), float(coefficient), begin)
 
 
+@typechecked(values=False)
 def rainflow_counts(expression: Any, edges: Sequence[float], *, skip: float = 0.0) -> list[sympy.Expr]:
     """Return the numbers of rainflow cycles of a motion with ranges between edges, for use in outputs.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.densities import UNBOUNDED, Per, PowerSpectralDensity, Sided, check_band
 from uqmbd_processes.paths import ShapingFilter, check_positive
 
@@ -59,6 +60,7 @@ class _KanaiTajimi:
         return np.asarray(self.density * (1 + 4 * self.damping**2 * r) / ((1 - r) ** 2 + 4 * self.damping**2 * r))
 
 
+@typechecked(values=False)
 def iso8608(road_class: str, band: tuple[float, float] = UNBOUNDED) -> PowerSpectralDensity:
     """Return the displacement spectrum of a road class, ``G(n) = G(n0) (n / n0)^-2`` with ``n0 = 0.1 cycle/m``.
 
@@ -105,6 +107,7 @@ def iso8608(road_class: str, band: tuple[float, float] = UNBOUNDED) -> PowerSpec
     return PowerSpectralDensity(_Power(value, 0.1, -2.0), "one", "cycle/m", band, units="m")
 
 
+@typechecked(values=False)
 def kaimal(deviation: float, length: float, speed: float) -> PowerSpectralDensity:
     """Return the Kaimal spectrum of the wind speed, ``f S / s^2 = 4 n / (1 + 6 n)^(5/3)`` with ``n = f L / U``.
 
@@ -147,6 +150,7 @@ def kaimal(deviation: float, length: float, speed: float) -> PowerSpectralDensit
     return PowerSpectralDensity(_Kaimal(float(deviation) ** 2, float(length) / float(speed)), "one", "Hz", units="m/s")
 
 
+@typechecked(values=False)
 def von_karman(deviation: float, length: float, speed: float) -> PowerSpectralDensity:
     """Return the von Karman spectrum of the longitudinal wind speed.
 
@@ -191,6 +195,7 @@ def von_karman(deviation: float, length: float, speed: float) -> PowerSpectralDe
     return PowerSpectralDensity(shape, "one", "Hz", units="m/s")
 
 
+@typechecked(values=False)
 def kanai_tajimi(density: float, frequency: float, damping: float) -> PowerSpectralDensity:
     """Return the Kanai-Tajimi spectrum of the acceleration of the ground.
 
@@ -251,6 +256,7 @@ class _Davenport:
         return np.asarray(np.exp(-self.rate * frequency * separation))
 
 
+@typechecked(values=False)
 def davenport_coherence(decay: float, speed: float) -> Callable[[Array, float], Array]:
     """Return Davenport's root coherence of the wind at two points, ``exp(-C f d / U)``.
 
@@ -291,6 +297,7 @@ def davenport_coherence(decay: float, speed: float) -> Callable[[Array, float], 
     return _Davenport(float(decay) / float(speed))
 
 
+@typechecked(values=False)
 def white_noise(density: float, sided: Sided, per: Per, band: tuple[float, float] = UNBOUNDED) -> PowerSpectralDensity:
     """Return a constant density: white noise if unbounded, which has no variance itself.
 

@@ -11,6 +11,7 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.paths import check_positive
 from uqmbd_processes.spectral_moments import density, moments
 
@@ -137,6 +138,7 @@ def _without_mean(system: LinearSystem, reasons: list[str]) -> list[str]:
     return [reason or (text if lost else "") for reason, lost in zip(reasons, unknown, strict=True)]
 
 
+@typechecked(values=False)
 def stationary_std(expression: Any, at: At = "equilibrium") -> sympy.Expr:
     """Return the standard deviation of the stationary response of an expression, for use in an output.
 
@@ -192,6 +194,7 @@ def stationary_std(expression: Any, at: At = "equilibrium") -> sympy.Expr:
     return _stationary_std(expression, at=at)
 
 
+@typechecked(values=False)
 def stationary_psd(
     expression: Any,
     frequencies: float | Sequence[float],
@@ -255,6 +258,7 @@ def stationary_psd(
     return uqmbd.extend.OutputSeries(found, list(given), "frequency", per)
 
 
+@typechecked(values=False)
 def crossing_rate(expression: Any, level: float, at: At = "equilibrium") -> sympy.Expr:
     """Return the rate of upward crossings of a level by a Gaussian stationary response, 1/s, for use in an output.
 
@@ -300,6 +304,7 @@ def crossing_rate(expression: Any, level: float, at: At = "equilibrium") -> symp
     return _crossing_rate(expression, level, at=at)
 
 
+@typechecked(values=False)
 def expected_maximum(
     expression: Any,
     duration: float,
@@ -357,6 +362,7 @@ def expected_maximum(
     return rules[rule](expression, float(duration), at=at)
 
 
+@typechecked(values=False)
 def fatigue_damage(
     expression: Any,
     duration: float,

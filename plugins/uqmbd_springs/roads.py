@@ -8,11 +8,13 @@ from typing import Any
 import sympy
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.laws import distance, law_values
 
 __all__ = ["distance", "haversine_bump", "sampled_road"]
 
 
+@typechecked(values=False)
 def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distance) -> sympy.Expr:
     """Return a bump on a flat road, ``height (1 - cos(2 pi (x - start) / length)) / 2``.
 
@@ -51,6 +53,7 @@ def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distan
     return sympy.Piecewise((0, x <= 0), (0, x >= length), (wave, True))
 
 
+@typechecked(values=False)
 def sampled_road(distances: Sequence[float], heights: Sequence[Any], along: Any = distance) -> sympy.Expr:
     """Return the cubic spline through samples of a road, with zero slope at both ends and constant heights beyond.
 

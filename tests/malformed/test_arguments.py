@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import functools
 import inspect
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd_joints import Revolute
+
+from .public_calls import MADE
+from .test_text_is_not_run import CORE, PLUGINS, public_names
 
 PROPAGATORS = sorted(plugins.propagators())
 
@@ -130,3 +134,48 @@ def test_a_name_that_stands_for_a_folder_is_refused():
     for name in (".", "..", "a\0b"):
         with pytest.raises(uqmbd.StudyError, match="name"):
             uqmbd.RandomVariable(name, chaospy.Normal(0, 1))
+
+
+EARLY = "it is below the module that checks arguments"
+
+UNCHECKED = {
+    **dict.fromkeys(
+        ("AtMost", "Bounds", "Finding", "require_package", "same_units", "typechecked", "propagator"), EARLY
+    ),
+    **dict.fromkeys(("Channel", "Local", "LinearSystem", "MechanismTerms", "MotionCommand", "PortableMotion"), MADE),
+    **dict.fromkeys(("Ensemble", "MotionPolynomials", "PhaseMotion", "SummaryData", "ImportedMechanism"), MADE),
+    **dict.fromkeys(("ElementRefinement", "Margins", "Problem", "Realisations", "Reduced", "Reductions"), MADE),
+    **dict.fromkeys(("Allocation", "Exported", "FlexibleBody"), MADE),
+    **dict.fromkeys(("Array", "Index", "Mask", "Markers", "Distribution"), "it is an annotation"),
+    **dict.fromkeys(("BodyShape", "MJCF", "URDF"), "it is a base class, or a reader without options"),
+    **dict.fromkeys(("load_ipython_extension", "unload_ipython_extension", "hookimpl"), "other packages call it"),
+    "step": "SymPy calls it, and its own message states the arguments",
+}
+"""Public names whose calls with unknown arguments end with Python's own message, and why."""
+
+
+def _callables():
+    """Yield the public functions and classes of all modules that users and authors of plugins import."""
+    for module in (*CORE, *PLUGINS):
+        for name, thing in public_names(module).items():
+            made = not isinstance(thing, type) or not issubclass(
+                thing, (BaseException, enum.Enum, tuple, uqmbd.Component)
+            )
+            if callable(thing) and made and not getattr(thing, "_is_protocol", False):
+                yield name, thing
+
+
+def test_an_unknown_argument_of_every_public_name_is_refused_by_name():
+    wrong, refused = {}, 0
+    for name, thing in _callables():
+        try:
+            thing(misspelt_argument=1)
+        except uqmbd.StudyError as error:
+            refused += 1
+            if "misspelt_argument" not in str(error) and name not in UNCHECKED:
+                wrong[name] = str(error)
+        except TypeError as error:
+            if name not in UNCHECKED:
+                wrong[name] = str(error)
+    assert wrong == {}
+    assert refused > 200

@@ -20,7 +20,7 @@ import numpy as np
 from uqmbd.arguments.annotations import Numbers, fits, for_each_annotation, is_array_type, members
 from uqmbd.arguments.expected import refusal, shown
 from uqmbd.errors import StudyError
-from uqmbd.names import check_arguments
+from uqmbd.names import check_arguments, checked
 
 __all__ = ["typechecked"]
 
@@ -33,7 +33,11 @@ _HEAP = 1 << 9
 """Flag ``Py_TPFLAGS_HEAPTYPE`` of classes defined in Python code."""
 
 
-def typechecked(called: F) -> F:
+@typing.overload
+def typechecked(called: F) -> F: ...
+@typing.overload
+def typechecked(*, values: bool) -> Callable[[F], F]: ...
+def typechecked(called: F | None = None, *, values: bool = True) -> F | Callable[[F], F]:
     """Check the arguments of a function, or of a class and its public methods, by their annotations.
 
     The check covers texts, numbers with their `Bounds`, truth values, words of a ``Literal``, paths and functions.
@@ -47,6 +51,9 @@ def typechecked(called: F) -> F:
     ----------
     called : function or class
         Function or class written in Python.  For a dataclass, place this decorator above ``@dataclass``.
+    values : bool
+        False: check only that all arguments exist and none is missing, for functions that check their values with more
+        specific messages.  Of a class, this covers the constructor.
 
     Returns
     -------
@@ -69,6 +76,8 @@ def typechecked(called: F) -> F:
     Traceback (most recent call last):
     uqmbd.errors.StudyError: share: part is '0.5'; expected a number.
     """
+    if called is None:
+        return functools.partial(typechecked, values=values)
     if isinstance(called, type):
         written = bool(called.__flags__ & _HEAP)
     else:
@@ -77,9 +86,14 @@ def typechecked(called: F) -> F:
         raise StudyError(
             f"typechecked: the argument 'called' is {shown(called)}; expected a function or a class written in Python."
         )
+    one: Any = called
+    if not values:
+        if not isinstance(called, type):
+            return typing.cast("F", checked(one))
+        one.__init__ = checked(one.__init__)
+        return called
     if not isinstance(called, type):
         return typing.cast("F", _of_function(called))
-    one: Any = called
     for name, member in list(vars(one).items()):
         if name != "__init__" and name.startswith("_"):
             continue

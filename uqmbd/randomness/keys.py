@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.randomness.variable import JointDistribution, RandomVariable
@@ -49,6 +50,7 @@ def path_key(name: str) -> RandomVariable:
     return RandomVariable._member(JointDistribution(chaospy.Uniform(0, 1), (name,), ("1",), key=True), 0)
 
 
+@typechecked(values=False)
 def combined_paths(values: Array, keys: Array, weights: Array) -> Array:
     """Return inputs whose sampled paths are weighted sums of the paths of several keys.
 

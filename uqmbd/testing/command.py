@@ -6,6 +6,7 @@ import subprocess
 import sys
 from typing import Any
 
+from uqmbd.arguments import typechecked
 from uqmbd.isolation import Isolated
 from uqmbd.plugins import KINDS, Command, command_line, registered_name
 
@@ -15,6 +16,7 @@ HEAVY = ("matplotlib", "numpy", "pandas", "rich", "scipy", "sklearn", "sympy", "
 """Packages that a module of commands must not import."""
 
 
+@typechecked(values=False)
 def check_command(command: type[Command], module: str = "") -> None:
     """Check a command of the command line.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.plugins import KINDS, registered_name
 from uqmbd.randomness import Design, SamplingDesign, Seed, design_problem
 from uqmbd.typing import Array
@@ -21,6 +22,7 @@ TAIL = 1e-6
 """Probability that a correct design fails by chance."""
 
 
+@typechecked(values=False)
 def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = (1, 2, 5)) -> None:
     """Check a sampling design, in cubes of several dimensions.
 

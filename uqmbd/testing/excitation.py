@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import UqmbdError
 from uqmbd.mechanism import Component, Line, Local, Mechanism, Parameter, VirtualWork, excitation, t
 from uqmbd.propagation import simulate
@@ -63,6 +64,7 @@ class SplinePaths(NamedTuple):
         return np.asarray(sum(w * self.coefficients[..., knot + k] for k, w in enumerate(weights)) / 6)
 
 
+@typechecked(values=False)
 def check_excitation(source: Any, *others: Any, interval: tuple[float, float] = (0.0, 10.0), paths: int = 200) -> None:
     """Check a source of excitations with sampled paths, such as a random process.
 

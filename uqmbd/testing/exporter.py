@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.mechanism import Line, Mechanism
@@ -29,6 +30,7 @@ OLD = "an older file"
 """Content of a file that an export replaces."""
 
 
+@typechecked(values=False)
 def check_exporter(
     exporter: type[Exporter], *, studies: Sequence[Study] = (), nodes: Sequence[xr.DataTree] = ()
 ) -> None:

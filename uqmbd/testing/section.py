@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.isolation import Isolated
 from uqmbd.plugins import KINDS, registered_name
 from uqmbd.report import Section, write_report
@@ -49,6 +50,7 @@ MOVING = frozenset("script canvas video".split())
 """Elements that require scripts, or show motion."""
 
 
+@typechecked(values=False)
 def check_section(section: type[Section], *, trees: Sequence[xr.DataTree] = ()) -> None:
     """Check a section of the report on several results, including names with HTML characters.
 

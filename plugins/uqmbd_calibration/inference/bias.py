@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.typing import Array
 from uqmbd_calibration.records import number, numbers
 
 __all__ = ["Bias"]
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Bias:
     """Unknown error of an output of the model: a constant, or a smooth function of time.

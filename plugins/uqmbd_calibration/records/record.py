@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.typing import Array
 from uqmbd_calibration.records.agreement import check_against
 from uqmbd_calibration.records.columns import OutputColumn, series_of
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Record"]
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, init=False)
 class Record:
     """Measurements of one machine in one run: outputs of a study with their times.

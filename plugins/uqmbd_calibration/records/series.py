@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.typing import Array
 from uqmbd_calibration.records.wording import check_name, check_units, number, numbers
 
 __all__ = ["Series"]
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, init=False, eq=False)
 class Series:
     """Measurements of one output.

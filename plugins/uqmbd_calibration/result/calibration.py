@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.results import load, save
 from uqmbd_calibration.records import short
 from uqmbd_calibration.result.checks import outliers_in_words, several_maxima
@@ -25,6 +26,7 @@ __all__ = ["Calibration", "reduction_in_words"]
 KIND = "calibration"
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Posterior of the inputs of a study, as returned by `calibrate`.

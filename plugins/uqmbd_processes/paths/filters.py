@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd_processes.descriptions import check_family
 from uqmbd_processes.paths.harmonics import (
     KNOTS_PER_WAVE,
@@ -145,6 +146,7 @@ def check_positive(where: str, **numbers: Any) -> None:
             raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a positive number.")
 
 
+@typechecked(values=False)
 def exponential_covariance(deviation: float, length: float) -> ExponentialCovariance:
     """Return the covariance ``s^2 exp(-|lag| / length)`` of a process, for roads, wind and first-order noise.
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import beta
 
 import uqmbd
+from uqmbd.extend import typechecked
 from uqmbd.typing import Array, Mask
 from uqmbd_reliability.allocation.optimising import MarginSamples, Tightest, cheapest
 from uqmbd_reliability.allocation.result import Allocation
@@ -112,6 +113,7 @@ class _Named(uqmbd.extend.Propagator):
         raise uqmbd.StudyError("An allocation is computed by uqmbd_reliability.allocate.")
 
 
+@typechecked(values=False)
 def allocate(
     study: uqmbd.Study,
     requirement: str | None,

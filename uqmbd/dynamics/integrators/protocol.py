@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar, Literal, Protocol
 
+from uqmbd.arguments import typechecked
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.errors import StudyError
@@ -42,6 +43,7 @@ FORMER: Mapping[str, Capability] = {
 """Class attributes for capabilities before version 0.1; supported until 0.2."""
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, kw_only=True)
 class Capabilities:
     """Capabilities of an integrator beyond smooth motions.

@@ -131,6 +131,7 @@ class DryFriction:
     sliding: Any
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Separation:
     """Gap between bodies that is open, or almost open, at the start of a motion.

@@ -22,6 +22,7 @@ __all__ = [
 ]
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Kinetic:
     """Kinetic energy, J, in coordinates and velocities.
@@ -52,6 +53,7 @@ class Kinetic:
     energy: Any
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Potential:
     """Potential energy, J, in coordinates and in auxiliary states whose rates are linear in the velocities.
@@ -80,6 +82,7 @@ class Potential:
     energy: Any
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class VirtualWork:
     """Force and conjugate velocity, with the generalised force ``Q_i = force . d velocity / d v_i``.
@@ -190,6 +193,7 @@ class VelocityConstraint:
     label: str = ""
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Auxiliary:
     """Auxiliary differential state of a component, with the equation ``state' = rate``.

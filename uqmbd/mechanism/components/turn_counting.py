@@ -58,6 +58,7 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
     return r[0], r[1] if p.space.dimension == 2 else sympy.Matrix(r[1:]).dot(sympy.Matrix(list(axis_j)))
 
 
+@typechecked(values=False)
 def counted_angle(
     p: Local, state: str, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any] = ()
 ) -> tuple[sympy.Expr, Auxiliary]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body
 from uqmbd.mechanism.components import AngleSymbol, CoordinateSet, StateSymbol
@@ -16,6 +17,7 @@ from uqmbd.randomness import RandomVariable
 __all__ = ["mode_shape", "time_derivative"]
 
 
+@typechecked(values=False)
 def time_derivative(expression: Any) -> sympy.Expr:
     """Return the time derivative of an expression in positions, velocities, angles, time and random variables.
 

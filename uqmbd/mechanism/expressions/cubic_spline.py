@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import OwnFunction
 from uqmbd.mechanism.expressions.spline_table import SplineTable, table_of
@@ -127,6 +128,7 @@ class Spline(OwnFunction):
         return rf"\operatorname{{spline}}{chr(39) * self.order}{power}\left({printer._print(self.argument)}\right)"
 
 
+@typechecked(values=False)
 def spline(
     times_or_values: Sequence[Any],
     values: Sequence[Any],

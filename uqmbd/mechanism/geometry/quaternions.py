@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import as_symbolic, flatten, shown, t
 from uqmbd.randomness import RandomVariable
@@ -33,6 +34,7 @@ PARALLEL = 1e-12
 """Difference up to which two unit vectors are parallel in the given pose."""
 
 
+@typechecked(values=False)
 def nominal(expression: Any) -> float:
     """Return the value of an expression at the means of its random variables and at time zero.
 
@@ -114,6 +116,7 @@ def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     return tuple(x / root for x in entries)
 
 
+@typechecked(values=False)
 def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
     """Return two unit vectors that form a right-handed frame with a unit axis of three components.
 
@@ -198,6 +201,7 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
     return tuple(twice / 2 if k == big else products[min(k, big), max(k, big)] / (2 * twice) for k in range(4))
 
 
+@typechecked(values=False)
 def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Return the quaternion of frame j relative to frame i, ``conj(e_i) e_j``; half-angle pairs in planar space.
 
@@ -229,6 +233,7 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
     return (i[0] * j[0] + a.dot(b), *vector)
 
 
+@typechecked(values=False)
 def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Return the product of two quaternions (half-angle pairs in planar space): the rotation `b`, followed by `a`.
 
@@ -257,6 +262,7 @@ def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, 
     return (a[0] * b[0] - u.dot(v), *(a[0] * v + b[0] * u + u.cross(v)))
 
 
+@typechecked(values=False)
 def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Return the quaternion of the smallest rotation from one unit vector to another.
 
@@ -304,6 +310,7 @@ def turned(turn: Sequence[Any], vector: Sequence[Any]) -> tuple[sympy.Expr, ...]
     return quaternion_product(quaternion_product(turn, (0, *vector)), conjugate)[1:]
 
 
+@typechecked(values=False)
 def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
     """Return frames fixed in two bodies with the given third axes, as quaternions relative to the bodies.
 
@@ -332,6 +339,7 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
     return frame, quaternion_product(smallest_rotation(axis_i, axis_j), frame)
 
 
+@typechecked(values=False)
 def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Make two axes parallel by the smallest change of a relative rotation.
 

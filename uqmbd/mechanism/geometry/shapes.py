@@ -15,6 +15,7 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import as_symbolic, flatten, numbers, shown
 from uqmbd.typing import Array
@@ -157,6 +158,7 @@ class BodyShape(ABC):
         return f"{type(self).__name__}({', '.join(f'{name}={_text(getattr(self, name))}' for name in self.lengths)})"
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, eq=False, repr=False)
 class Box(BodyShape):
     """Box with its centre at `position` and its edges along the axes of its frame.
@@ -200,6 +202,7 @@ class Box(BodyShape):
         return signs * lengths / 2, np.array([t for a, b, c, d in squares for t in ((a, b, c), (a, c, d))])
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, eq=False, repr=False)
 class Sphere(BodyShape):
     """Sphere about `position`.
@@ -237,6 +240,7 @@ class Sphere(BodyShape):
         return _revolved(lengths[0] * np.sin(angle), -lengths[0] * np.cos(angle))
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, eq=False, repr=False)
 class Cylinder(BodyShape):
     """Circular cylinder with its centre at `position` and its axis along the third axis of its frame.
@@ -276,6 +280,7 @@ class Cylinder(BodyShape):
         return _revolved(np.array([0, radius, radius, 0]), np.array([-half, -half, half, half]))
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, eq=False, repr=False)
 class Capsule(BodyShape):
     """Cylinder with half spheres at its ends; `length` is the distance of their centres.
@@ -317,6 +322,7 @@ class Capsule(BodyShape):
         return _revolved(np.concatenate([out, out[::-1]]), np.concatenate([-half - up, half + up[::-1]]))
 
 
+@typechecked(values=False)
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(BodyShape):
     """Surface of triangles, multiplied by `scale`.

@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 from uqmbd.plugins import core_offers, hookimpl
@@ -242,6 +243,7 @@ def _offered() -> dict[str, type]:
     return core_offers(BuiltInDesigns(), "designs")
 
 
+@typechecked(values=False)
 def sampling_designs() -> tuple[str, ...]:
     """Return the names of all sampling designs, first the designs of the core.
 
@@ -253,6 +255,7 @@ def sampling_designs() -> tuple[str, ...]:
     return (*_offered(), *designs_of_plugins())
 
 
+@typechecked(values=False)
 def sampling_design(name: str, where: str = "sampling_design: name", others: Sequence[str] = ()) -> Design:
     """Return a sampling design by its name.
 

@@ -42,6 +42,7 @@ QUIET = ("#8a8f96", "#7d868f")
 """Colours of curves that represent several quantities, on a light and on a dark page."""
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Band:
     """A band between two curves.
@@ -116,6 +117,7 @@ class Strands:
     at: NDArray[np.intp] | None = None
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Curve:
     """A line over time with bands; the reader can switch it off.
@@ -231,6 +233,7 @@ class Span:
     runs: NDArray[np.float64]
 
 
+@typechecked(values=False)
 @dataclass(frozen=True)
 class Chart:
     """One of several charts of a figure: curves over time, over another quantity, or over categories.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Component, Space, effective_parameters
 from uqmbd.propagation import Propagator
@@ -29,6 +30,7 @@ from uqmbd.units import spelling
 __all__ = ["check_component"]
 
 
+@typechecked(values=False)
 def check_component(
     component: type[Component],
     *,

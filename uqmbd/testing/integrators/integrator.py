@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.dynamics import Capabilities, Counters, Ensemble, Integrator, Trajectories, capabilities_of, off_constraints
 from uqmbd.errors import StudyError
 from uqmbd.plugins import integrator_problem
@@ -28,6 +29,7 @@ ORDER = 1e-9
 """Change by the order of realisations that counts as rounding, relative to their magnitude."""
 
 
+@typechecked(values=False)
 def check_integrator(
     integrator: type[Integrator], *, tolerance: float = 100.0, rtols: tuple[float, ...] = RTOLS
 ) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.propagation import Propagator
 from uqmbd.propagation.methods import run_method
@@ -206,6 +207,7 @@ def check_sizes(subject: PropagatorUnderTest) -> None:
     assert not found, f"{title}: a second run with the chosen size {about['size']} gives different results: {found}."
 
 
+@typechecked(values=False)
 def check_propagator(
     propagator: Propagator | Callable[..., Propagator],
     *,
