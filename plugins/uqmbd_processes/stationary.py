@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.extend import typechecked
+from uqmbd.typing import Array
 from uqmbd_processes.paths import check_positive
 from uqmbd_processes.spectral_moments import density, moments
 
@@ -20,10 +20,7 @@ __all__ = ["crossing_rate", "expected_maximum", "fatigue_damage", "stationary_ps
 if TYPE_CHECKING:
     from uqmbd.extend import LinearSystem
 
-Array = NDArray[np.float64]
 At = Literal["equilibrium", "start", "steady"]
-
-EULER = 0.5772156649015329
 
 
 @uqmbd.extend.linear_output(power=1)
@@ -56,7 +53,7 @@ def _davenport_maximum(system: LinearSystem, duration: float) -> tuple[Array, li
     deviation, crossings, reasons = _extremes(system, duration)
     with np.errstate(all="ignore"):
         root = np.sqrt(2 * np.log(crossings))
-        return system.mean + deviation * (root + EULER / root), reasons
+        return system.mean + deviation * (root + np.euler_gamma / root), reasons
 
 
 @uqmbd.extend.linear_output(power=1)
@@ -64,8 +61,7 @@ def _poisson_maximum(system: LinearSystem, duration: float) -> tuple[Array, list
     """Return expected maxima if upward crossings of a level form a Poisson process."""
     deviation, crossings, reasons = _extremes(system, duration)
     nodes, weights = np.polynomial.legendre.leggauss(40)
-    bounds = np.linspace(0, 12, 13)
-    level = (bounds[:-1, None] + (nodes + 1) / 2).ravel()
+    level = (np.arange(12.0)[:, None] + (nodes + 1) / 2).ravel()
     weight = np.tile(weights / 2, 12)
     with np.errstate(all="ignore"):
         above = -np.expm1(-crossings[:, None] * np.exp(-(level**2) / 2))
