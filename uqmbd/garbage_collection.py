@@ -18,6 +18,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from uqmbd.late_imports import postpone_imports, when_loaded
+
 __all__ = ["loading"]
 
 SELDOM = 500_000
@@ -38,6 +40,7 @@ def loading() -> Iterator[None]:
     >>> gc.get_threshold() == before
     True
     """
+    postpone_imports()
     thresholds = gc.get_threshold()
     gc.set_threshold(SELDOM, *thresholds[1:])
     try:
@@ -45,7 +48,7 @@ def loading() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.set_threshold(*thresholds)
-        _defer_checks()
+        when_loaded("xarray", _defer_checks)
 
 
 def _defer_checks() -> None:

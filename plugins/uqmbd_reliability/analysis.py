@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy import stats
 
 from uqmbd.typing import Array
 from uqmbd_reliability.estimating import ProbabilityEstimate, estimate, with_any
@@ -246,7 +246,7 @@ def _estimates(
 
 def _checked(one: ProbabilityEstimate, level: Levels, column: int, notes: list[str]) -> ProbabilityEstimate:
     """Widen an interval that contradicts the splitting, because the proposal may miss violations."""
-    spread = float(np.exp(norm.ppf(0.995) * np.sqrt(np.log1p((1.3 * level.cov) ** 2))))
+    spread = float(np.exp(stats.norm.ppf(0.995) * np.sqrt(np.log1p((1.3 * level.cov) ** 2))))
     if level.probability / spread <= one.upper:
         return one
     notes.append(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 from scipy.special import chdtri, stdtrit
-from scipy.stats import beta as beta_distribution
 
 from uqmbd.typing import Array
 
@@ -128,7 +128,7 @@ def weighted_bound(weights: Array) -> float:
 def _count_bound(count: int, samples: int) -> float:
     if count >= samples:
         return 1.0
-    return float(beta_distribution.ppf(0.5 + CONFIDENCE / 2, count + 1, samples - count))
+    return float(stats.beta.ppf(0.5 + CONFIDENCE / 2, count + 1, samples - count))
 
 
 def _bounds(weights: Array, standard: int) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 from scipy.special import logsumexp
-from scipy.stats import chi2
 
 from uqmbd.typing import Array
 
@@ -73,20 +73,20 @@ class Outside:
         `nearest`: distance of this violation from the origin. The space outside the sphere has twice the probability of
         the space beyond this distance.
         """
-        probability = float(np.clip(2.0 * chi2.sf(nearest**2, dimension), 1e-300, 1.0))
-        return cls(dimension, float(np.sqrt(chi2.isf(probability, dimension))))
+        probability = float(np.clip(2.0 * stats.chi2.sf(nearest**2, dimension), 1e-300, 1.0))
+        return cls(dimension, float(np.sqrt(stats.chi2.isf(probability, dimension))))
 
     def sample(self, count: int, generator: np.random.Generator) -> Array:
         """Return points (count, d)."""
         z = generator.standard_normal((count, self.dimension))
-        beyond = chi2.sf(self.radius**2, self.dimension) * (1.0 - generator.random(count))
-        distance = np.sqrt(chi2.isf(beyond, self.dimension))
+        beyond = stats.chi2.sf(self.radius**2, self.dimension) * (1.0 - generator.random(count))
+        distance = np.sqrt(stats.chi2.isf(beyond, self.dimension))
         return np.asarray(z * (distance / np.linalg.norm(z, axis=1))[:, None])
 
     def log_density(self, points: Array) -> Array:
         """Return the logarithm of the density at points (K, d), shape (K,)."""
         outside = (points**2).sum(axis=1) >= self.radius**2
-        density = standard_log_density(points) - chi2.logsf(self.radius**2, self.dimension)
+        density = standard_log_density(points) - stats.chi2.logsf(self.radius**2, self.dimension)
         return np.where(outside, density, -np.inf)
 
 

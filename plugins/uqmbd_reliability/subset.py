@@ -6,7 +6,7 @@ For the limitations that prevent its use by default, see `uqmbd_reliability.anal
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy import stats
 
 import uqmbd
 from uqmbd.typing import Array
@@ -92,7 +92,7 @@ def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: in
     probability = float(result.getProbabilityEstimate())
     cov = DEPENDENCE * float(result.getCoefficientOfVariation())
     last = np.array(algorithm.getInputSample(algorithm.getStepsNumber() - 1, algorithm.EVENT1))
-    factor = float(np.exp(norm.ppf(0.975) * np.sqrt(np.log1p(cov**2))))
+    factor = float(np.exp(stats.norm.ppf(0.975) * np.sqrt(np.log1p(cov**2))))
     # count failures among the points of the first level, which are standard normal
     lost, most_lost = failing(np.zeros(0), LEAST, int(np.isnan(ledger.margins[:LEAST, 0]).sum()))
     known = max(1.0 - lost, 1e-12)

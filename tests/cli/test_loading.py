@@ -47,3 +47,78 @@ print(array_type("dask"), array_type("pint"))
 """
     alone = CODE.replace("with loading():\n    import", "if True:\n    import")
     assert output(CODE + late)[1:] == output(alone + late)[1:]
+
+
+POSTPONED = """
+import sys, threading
+from uqmbd.garbage_collection import loading
+
+with loading():
+    import chaospy, xarray
+    import scipy.stats, scipy.optimize
+print(*[name for name in ("pandas", "scipy.stats._stats_py", "scipy.optimize._minimize") if name in sys.modules])
+"""
+
+
+def test_chaospy_is_imported_without_what_it_does_not_use():
+    """chaospy imports statistics and optimisation of SciPy for five names; distributions do not need them."""
+    used = """
+print(chaospy.Normal(1, 2).inv(0.5), chaospy.LogNormal(0, 1).mom(1).round(6), chaospy.E(chaospy.Uniform(0, 2)))
+print("scipy.stats._stats_py" in sys.modules)
+"""
+    lines = output(POSTPONED + used)
+    assert (lines[0], lines[-1]) == ("", "False")
+
+
+@pytest.mark.thorough
+def test_postponed_names_of_chaospy_have_their_values():
+    """Functions of chaospy that use postponed names return the values of a process without postponed imports."""
+    used = """
+import numpy
+from scipy.stats import norm
+
+truncated = chaospy.TruncNormal(-1, 2, 0.3, 0.8)
+print(truncated.cdf([-0.5, 0.3, 1.0]), truncated.inv([0.1, 0.9]), truncated.pdf([0.0]))
+adopted = chaospy.ScipyStatsDist(norm(1, 2))
+print(adopted.cdf([0.0, 1.0]), adopted.pdf([0.5]))
+try:
+    chaospy.ScipyStatsDist(3)
+except AssertionError as error:
+    print(error)
+q0, q1 = chaospy.variable(2)
+print(chaospy.Spearman(chaospy.polynomial([q0, q0 + q1]), chaospy.J(chaospy.Normal(), chaospy.Normal()), sample=50, seed=1))
+print(chaospy.quadrature.leja(2, chaospy.Uniform(-1, 1)))
+print(chaospy.quadrature.newton_cotes(3, chaospy.Uniform(0, 1)))
+"""
+    alone = POSTPONED.replace("with loading():\n    import", "if True:\n    import")
+    assert output(POSTPONED + used)[1:] == output(alone + used)[1:]
+
+
+@pytest.mark.thorough
+def test_threads_wait_for_a_postponed_module():
+    """All threads that use a postponed module for the first time get the complete module."""
+    used = """
+sys.setswitchinterval(1e-5)
+found, start = [], threading.Barrier(8)
+
+
+def use():
+    start.wait()
+    found.append((xarray.DataTree.__name__, scipy.stats.norm.cdf(0.0)))
+
+
+threads = [threading.Thread(target=use) for _ in range(8)]
+[one.start() for one in threads], [one.join(60) for one in threads]
+print(len(found), len(set(found)))
+"""
+    assert output(POSTPONED + used)[1:] == ["8 1"]
+
+
+@pytest.mark.thorough
+def test_results_have_their_accessor_with_postponed_imports():
+    used = """
+import uqmbd.results
+
+print(hasattr(xarray.Dataset, "uqmbd"), hasattr(xarray.DataTree, "uqmbd"))
+"""
+    assert output(POSTPONED + used)[1:] == ["True True"]

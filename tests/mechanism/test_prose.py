@@ -45,7 +45,7 @@ def known(component, space):
     case = next(component_cases(component, space, {}, np.random.default_rng(3)))
     mechanism = case.mechanism
     marks = [(m.kind, m.body, m.component, m.role, str(m.local), str(m.radius)) for m in collect_skeleton(mechanism)]
-    pose = drawn_pose(mechanism)
+    pose = drawn_pose(mechanism).to_dataset()
     model = build(mechanism)
     symbols = pose["component_symbol"].values.tolist() if "component_symbol" in pose else []
     layout = model.layout

@@ -73,7 +73,7 @@ def test_random_lengths_are_inputs_and_are_drawn_at_their_values():
     mechanism = crate(uqmbd.Spatial(), Box((length, 1, 1)), inertia=(1, 1, 1))
     assert mechanism.inputs.names == ("length",)
     for value in (1.0, 2.5):
-        data = drawn_pose(mechanism, {"length": value})
+        data = drawn_pose(mechanism, {"length": value}).to_dataset()
         places = Sketch(data).solids.places(world(data)[0, 0])
         assert np.ptp(places, axis=0) == pytest.approx([value, 1, 1], rel=1e-6)
 
@@ -83,7 +83,7 @@ def test_a_turned_shape_is_drawn_where_its_body_is():
         uqmbd.Planar(), Cylinder(0.1, 2.0, rotation=[[0, 0, 1], [0, 1, 0], [-1, 0, 0]]), inertia=1, position=(3, 4),
         angle=np.pi / 2,
     )  # fmt: skip
-    data = drawn_pose(mechanism)
+    data = drawn_pose(mechanism).to_dataset()
     places = Sketch(data).solids.places(world(data)[0, 0])
     assert places.shape[1] == 2
     assert places.min(axis=0) == pytest.approx([2.9, 3.0], abs=1e-6)
@@ -101,7 +101,7 @@ def test_meshes_are_simplified_to_the_budget():
         a, b, c = faces.T
         faces = np.concatenate([np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
     assert len(faces) > MOST_FACES
-    data = drawn_pose(crate(uqmbd.Spatial(), Mesh(vertices, faces), inertia=(1, 1, 1)))
+    data = drawn_pose(crate(uqmbd.Spatial(), Mesh(vertices, faces), inertia=(1, 1, 1))).to_dataset()
     assert 0.2 * MOST_FACES < data.sizes["face"] <= MOST_FACES
     places = Sketch(data).solids.places(world(data)[0, 0])
     assert np.linalg.norm(places, axis=1) == pytest.approx(1.0, abs=0.05)

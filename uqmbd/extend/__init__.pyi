@@ -1,4 +1,4 @@
-"""The names of `uqmbd.extend` and the modules that hold them: for type checkers, and for the lazy imports."""
+"""The names of `uqmbd.extend` and their modules, for type checkers and for lazy imports."""
 
 from .arguments import Bounds as Bounds
 from .arguments import typechecked as typechecked

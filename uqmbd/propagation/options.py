@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.dynamics import built_in_names, integrators
+from uqmbd.dynamics import built_in_names, installed_integrators
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 from uqmbd.units import without_quantities
@@ -146,9 +146,9 @@ def check_rtol(rtol: Any, where: str) -> float:
 def check_integrator(integrator: str, where: str) -> str:
     """Return the name of an integrator after a check; the error on an unknown name lists the known names."""
     # integrators of the core do not require the load of plugins
-    if isinstance(integrator, str) and (integrator in built_in_names() or integrator in integrators()):
+    if isinstance(integrator, str) and (integrator in built_in_names() or integrator in installed_integrators()):
         return integrator
-    raise StudyError(f"{where}: integrator is {integrator!r}; expected one of: {', '.join(integrators())}.")
+    raise StudyError(f"{where}: integrator is {integrator!r}; expected one of: {', '.join(installed_integrators())}.")
 
 
 def check_max_step(max_step: Any, where: str) -> float:

@@ -1,103 +1,21 @@
-"""Results as xarray data: the schema of all propagators, statistics, assessment, and storage."""
+"""Results as xarray data: the schema of all propagators, statistics, assessment, and storage.
 
-from __future__ import annotations
+Each name is loaded at its first use.
+"""
 
 from typing import Any
 
-from uqmbd.results import assessment, chaos, requirements, schema, statistics, storage, tree
-from uqmbd.results.accessor import Accessor
-from uqmbd.results.assessment import (
-    StatedAccuracy,
-    align,
-    assess,
-    choose_reference,
-    compare,
-    recommend,
-    relative_errors,
-    stated_accuracy,
-)
-from uqmbd.results.chaos import (
-    AlignedChaos,
-    ComposedChaos,
-    PiecewiseChaos,
-    PolynomialChaos,
-    QuasiPeriodicChaos,
-    surrogate,
-)
-from uqmbd.results.requirements import (
-    Answer,
-    answers,
-    clopper_pearson,
-    compare_requirements,
-    requirement_names,
-    requirements_of,
-    unmet,
-)
-from uqmbd.results.schema import STATUS_MEANINGS, failed_methods, methods, propagator_node, validate
-from uqmbd.results.schema import propagator_nodes as propagator_nodes  # earlier name of `methods`
-from uqmbd.results.selection import by_output, output
-from uqmbd.results.statistics import (
-    circular_mean,
-    circular_std,
-    mean_direction,
-    mean_rotation,
-    rotation_std,
-    sample_statistics,
-    unwrap_samples,
-    varies,
-    varying,
-)
-from uqmbd.results.storage import SampleStore, load, open, save
-from uqmbd.results.tree import scalar_nodes, study_tree
-from uqmbd.status import Status
+import lazy_loader
 
-__all__ = [
-    "STATUS_MEANINGS",
-    "Accessor",
-    "AlignedChaos",
-    "Answer",
-    "ComposedChaos",
-    "PiecewiseChaos",
-    "PolynomialChaos",
-    "QuasiPeriodicChaos",
-    "SampleStore",
-    "StatedAccuracy",
-    "Status",
-    "align",
-    "answers",
-    "assess",
-    "by_output",
-    "choose_reference",
-    "circular_mean",
-    "circular_std",
-    "clopper_pearson",
-    "compare",
-    "compare_requirements",
-    "failed_methods",
-    "load",
-    "mean_direction",
-    "mean_rotation",
-    "methods",
-    "open",
-    "output",
-    "propagator_node",
-    "recommend",
-    "relative_errors",
-    "requirement_names",
-    "requirements_of",
-    "rotation_std",
-    "sample_statistics",
-    "save",
-    "scalar_nodes",
-    "stated_accuracy",
-    "study_tree",
-    "surrogate",
-    "unmet",
-    "unwrap_samples",
-    "validate",
-    "varies",
-    "varying",
-]
+from uqmbd.late_imports import when_loaded
+from uqmbd.status import Status as Status
+
+_public, _, _attached = lazy_loader.attach_stub(__name__, __file__)
+
+_FOLDERS = ("assessment", "chaos", "requirements", "schema", "statistics", "storage", "tree")
+
+# `propagator_nodes` is the earlier name of `methods`
+__all__ = sorted({*_attached, "Status"} - {*_FOLDERS, "propagator_nodes"})
 
 _MOVED = frozenset(
     """
@@ -111,7 +29,9 @@ _MOVED = frozenset(
 
 
 def __getattr__(name: str) -> Any:
-    """Return an object that was public here, with a deprecation warning, until version 0.2."""
+    """Load a public name; until version 0.2, also load an object that was public here, with a deprecation warning."""
+    if name in _attached or name.startswith("_"):
+        return _public(name)
     import warnings
 
     import uqmbd
@@ -120,7 +40,7 @@ def __getattr__(name: str) -> Any:
         now = "Markers" if name == "Landmarks" else name
         found, text = getattr(uqmbd.extend, now), f"is uqmbd.extend.{now} now"
     else:
-        folders = (assessment, chaos, requirements, schema, statistics, storage, tree)
+        folders = [_public(folder) for folder in _FOLDERS]
         owners = [folder for folder in folders if name in folder.__all__]
         if not owners:
             hint = "; it was removed, use uqmbd.results.assess(tree)" if name in ("overall", "statements") else ""
@@ -128,3 +48,15 @@ def __getattr__(name: str) -> Any:
         found, text = getattr(owners[0], name), "is not public any more"
     warnings.warn(f"uqmbd.results.{name} {text}; the name is removed here in version 0.2.", DeprecationWarning, 2)
     return found
+
+
+def __dir__() -> list[str]:
+    return list(__all__)
+
+
+def _register() -> None:
+    """Register the accessor ``.uqmbd`` of xarray data."""
+    import uqmbd.results.accessor  # noqa: F401
+
+
+when_loaded("xarray", _register)

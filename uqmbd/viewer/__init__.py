@@ -1,7 +1,5 @@
 """Viewer of a mechanism while it is built: a page on the loopback address that follows the study file."""
 
-from __future__ import annotations
+import lazy_loader
 
-from uqmbd.viewer.viewing import FileViewer, MechanismView, view_mechanism, view_study
-
-__all__ = ["FileViewer", "MechanismView", "view_mechanism", "view_study"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,10 +14,9 @@ from uqmbd.report.mechanisms import CLOSED, Sketch, drawn_pose, stated_pose, wor
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from uqmbd.mechanism import Body, Mechanism
     from uqmbd.propagation import Study
+    from uqmbd.report.mechanisms import PoseData
 
 __all__ = ["motion_scene", "pose_scene", "structure"]
 
@@ -78,7 +77,7 @@ def pose_scene(mechanism: Mechanism, values: Mapping[str, float], time: float) -
     }
 
 
-def motion_scene(mechanism: Mechanism, motion: xr.Dataset) -> dict[str, Any]:
+def motion_scene(mechanism: Mechanism, motion: PoseData) -> dict[str, Any]:
     """Return a motion of a mechanism as data of the page."""
     return {
         "player": collect_player_data(motion),
@@ -96,7 +95,7 @@ def _bodies(component: Any) -> list[str]:
     return [carrier_name(component.attached[role]) for role in component.bodies]
 
 
-def _values(data: xr.Dataset) -> dict[str, float]:
+def _values(data: PoseData) -> dict[str, float]:
     if "inputs" not in data:
         return {}
     return {str(name): float(x) for name, x in zip(data["input"].values, data["inputs"].values[0], strict=True)}
@@ -129,7 +128,7 @@ def _inputs(mechanism: Mechanism) -> list[dict[str, Any]]:
     return found
 
 
-def _gaps(stated: xr.Dataset, *, closed: bool) -> list[dict[str, Any]]:
+def _gaps(stated: PoseData, *, closed: bool) -> list[dict[str, Any]]:
     """Return joints whose points should coincide but do not in the given pose, with the distance of the points, m."""
     sketch, points = Sketch(stated), world(stated)[0, 0]
     size = float(np.linalg.norm(np.ptp(sketch.extent(points), axis=0))) or 1.0
@@ -142,7 +141,7 @@ def _gaps(stated: xr.Dataset, *, closed: bool) -> list[dict[str, Any]]:
     return sorted(found, key=lambda one: -float(one["distance"]))
 
 
-def _moved(mechanism: Mechanism, stated: xr.Dataset, assembled: xr.Dataset) -> list[dict[str, Any]]:
+def _moved(mechanism: Mechanism, stated: PoseData, assembled: PoseData) -> list[dict[str, Any]]:
     """Return displacements of bodies by the assembly: distance of the origin in m, and angle in rad."""
     before, after = (data["pose"].values[0, 0].astype(float) for data in (stated, assembled))
     found = moves(list(mechanism.bodies), stated.sizes["axis"], before, after)
@@ -154,7 +153,7 @@ def _moved(mechanism: Mechanism, stated: xr.Dataset, assembled: xr.Dataset) -> l
     ]
 
 
-def _ellipsoids(mechanism: Mechanism, data: xr.Dataset) -> list[dict[str, Any] | None]:
+def _ellipsoids(mechanism: Mechanism, data: PoseData) -> list[dict[str, Any] | None]:
     """Return centre of mass and ellipsoid of each body, in its frame; None for a body without mass.
 
     The ellipsoid is the solid of uniform density with the mass and the inertia of the body; in the plane it is a disc.

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy import stats
 
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.climbing import Peaks, climb, distinct
@@ -39,8 +39,8 @@ APART = 0.2
 def spread_over_prior(dimension: int, count: int, seed: int) -> Array:
     """Return points (count, dimension) of a Sobol' sequence, as standard normal variables."""
     whole = max(0, int(np.ceil(np.log2(count))))
-    points = qmc.Sobol(dimension, rng=np.random.default_rng(seed)).random_base2(whole)[:count]
-    return np.asarray(norm.ppf(np.clip(points, 1e-9, 1 - 1e-9)))
+    points = stats.qmc.Sobol(dimension, rng=np.random.default_rng(seed)).random_base2(whole)[:count]
+    return np.asarray(stats.norm.ppf(np.clip(points, 1e-9, 1 - 1e-9)))
 
 
 def search(build: Builder, cases: tuple[MachineRecords, ...], dimension: int, width: int, seed: int) -> Peaks:

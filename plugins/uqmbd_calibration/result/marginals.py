@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy import stats
 from scipy.interpolate import PchipInterpolator
 from scipy.special import ndtr, ndtri
-from scipy.stats import rankdata
 
 import uqmbd
 from uqmbd.typing import Array
@@ -45,7 +45,7 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
     unknown = arranged.unknowns.inputs
     variables = arranged.points[0].study.mechanism.inputs.variables
     values = arranged.physical(vectors)
-    normal = ndtri((rankdata(values, axis=0) - 0.5) / len(values))
+    normal = ndtri((stats.rankdata(values, axis=0) - 0.5) / len(values))
     correlation = np.corrcoef(normal, rowvar=False).reshape(len(unknown), len(unknown))
     tables = np.empty((len(GRID), len(unknown)))
     for k, one in enumerate(unknown):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from scipy.spatial import KDTree
-from scipy.spatial.distance import cdist
 
 from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 __all__ = ["Starts"]
 
@@ -28,6 +29,11 @@ class Starts:
 
         Neighbours in the minimum spanning tree of the inputs differ by less than half a turn.
         """
+        # imported here, because studies import this module, and few align phases
+        from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+        from scipy.spatial import KDTree
+        from scipy.spatial.distance import cdist
+
         scale = np.where(np.ptp(values, axis=0) > 0, np.ptp(values, axis=0), 1.0)
         points = values / scale
         found = np.array(phases, dtype=float)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy import optimize
 
 from uqmbd.typing import Array
 from uqmbd_collocation.two_frequency.series import Signals, fit_series, refine
@@ -110,5 +110,5 @@ def _refined(signals: Signals, left: Array, guess: float, resolution: float) -> 
 
     half = resolution / PADDED
     bounds = (guess - half, guess + half)
-    found = minimize_scalar(lower, bounds=bounds, method="bounded", options={"xatol": 1e-7 * half})
+    found = optimize.minimize_scalar(lower, bounds=bounds, method="bounded", options={"xatol": 1e-7 * half})
     return float(found.x)

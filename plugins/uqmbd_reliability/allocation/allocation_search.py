@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import beta
+from scipy import stats
 
 import uqmbd
 from uqmbd.extend import typechecked
@@ -79,8 +79,8 @@ def _interval(hits: int, count: int) -> tuple[float, float]:
     Two such intervals both contain their shares with at least the probability `CONFIDENCE`.
     """
     tail = (1 - CONFIDENCE) / 4
-    lower = beta.ppf(tail, hits, count - hits + 1) if hits else 0.0
-    upper = beta.ppf(1 - tail, hits + 1, count - hits) if hits < count else 1.0
+    lower = stats.beta.ppf(tail, hits, count - hits + 1) if hits else 0.0
+    upper = stats.beta.ppf(1 - tail, hits + 1, count - hits) if hits < count else 1.0
     return float(lower), float(upper)
 
 

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 import scipy.optimize
+from scipy import stats
 from scipy.special import ndtr
-from scipy.stats import norm
 
 from uqmbd.typing import Array, Index
 from uqmbd_reliability.allocation.surrogates import MarginSurrogate
@@ -86,7 +86,7 @@ class MarginSamples:
         least = self.least(factors)
         probability = float(ndtr(-least / width).mean())
         near = np.flatnonzero(np.abs(least) < NEAR * width)
-        density = norm.pdf(least[near] / width) / width
+        density = stats.norm.pdf(least[near] / width) / width
         slope = np.zeros(len(factors))
         for k in range(len(factors)):
             ends = [factors * np.exp(sign * STEP * (np.arange(len(factors)) == k)) for sign in (1, -1)]
@@ -131,15 +131,15 @@ def cheapest(
         return Tightest(tightest, still, _slope(coarse, tightest, width), tightened.cost(tightest))
     start = _scaled_to_target(coarse, loose, target, narrowest)
     width = _width(coarse, start)
-    index = -float(norm.ppf(target))
+    index = -float(stats.norm.ppf(target))
     scale = tightened.cost(start)
 
     def reserve(x: Array) -> float:
-        return float(-norm.ppf(np.clip(coarse.smooth(x, width)[0], 1e-12, 1 - 1e-12))) - index
+        return float(-stats.norm.ppf(np.clip(coarse.smooth(x, width)[0], 1e-12, 1 - 1e-12))) - index
 
     def reserve_slope(x: Array) -> Array:
         probability, slope = coarse.smooth(x, width)
-        return np.asarray(-slope / norm.pdf(norm.ppf(np.clip(probability, 1e-12, 1 - 1e-12))))
+        return np.asarray(-slope / stats.norm.pdf(stats.norm.ppf(np.clip(probability, 1e-12, 1 - 1e-12))))
 
     outcome = scipy.optimize.minimize(
         lambda x: tightened.cost(np.exp(x)) / scale,

@@ -25,7 +25,7 @@ def two_bodies(space):
     zero = (0,) * (space.dimension - 1)
     mechanism.body("one", mass=1, inertia=inertia, shape=[Box((1, 0.5, 0.3)), Cylinder(0.2, 1.0, position=(0, 0, 0.5))])
     mechanism.body("two", mass=1, inertia=inertia, position=(1.5, *zero), shape=Box((0.3, 0.3, 0.3)))
-    return drawn_pose(mechanism)
+    return drawn_pose(mechanism).to_dataset()
 
 
 def test_the_page_draws_the_faces_that_python_draws_in_the_plane(node):

@@ -104,7 +104,7 @@ def test_points_are_where_geometry_says():
     """The assembled crank: pin above the bearing, slider where Pythagoras puts it; for other lengths, too."""
     made = crank()
     for length in (0.2, 0.23):
-        data = drawn_pose(made, {"length": length})
+        data = drawn_pose(made, {"length": length}).to_dataset()
         points = world(data)[0, 0]
         at = {
             (str(c), str(b)): points[k]
@@ -195,7 +195,7 @@ def test_a_mechanism_that_cannot_be_assembled_is_shown_as_drawn():
         uqmbd.check(made)
     title = next(t.get_text() for t in report.mechanism(made).texts if t.get_text().startswith("gap"))
     assert "cannot be assembled" in title
-    data = drawn_pose(made)
+    data = drawn_pose(made).to_dataset()
     np.testing.assert_allclose(data["pose"].squeeze()[:2], (0.5, 0))
     assert "right" in data.attrs["note"] or "left" in data.attrs["note"]
 
@@ -218,7 +218,7 @@ def test_a_single_body_without_anything_is_drawn():
 
 def test_one_motion_of_a_guide_is_shown_along_its_whole_way():
     """The guide's reach covers where the slider has been."""
-    data = drawn_pose(crank())
+    data = drawn_pose(crank()).to_dataset()
     sketch, points = Sketch(data), world(data)[0]
     moved = np.repeat(points, 3, axis=0)
     slide = next(p for p in sketch.parts if p.name == "guide")
@@ -237,7 +237,7 @@ def test_contacts_are_planes_and_circles():
     made.add(PlaneImpact("slope", made.ground, disc, (0, 0), (0, 0), tuple(normal), radius=0.2))
     made.add(SphereContact("knock", disc, other, (0, 0), (0.1, 0), radius_i=0.2, radius_j=0.3, stiffness=1e3))
     made.add(SpringDamper("dashpot", disc, other, (0, 0), (0, 0), 0, 2))
-    data = drawn_pose(made)
+    data = drawn_pose(made).to_dataset()
     assert data["component_symbol"].values.tolist() == ["contact", "contact", "damper"]
     assert data["point_radius"].values[0].tolist()[:5] == [0, 0.2, 0, 0.2, 0.3]
     sketch, points = Sketch(data), world(data)[0, 0]
@@ -260,7 +260,7 @@ def test_planes_in_space_are_patches():
     made = uqmbd.Mechanism("space", uqmbd.Spatial())
     ball = made.body("ball", mass=1, inertia=(1, 1, 1), position=(0.3, 0.2, 1))
     made.add(PlaneContact("floor", made.ground, ball, (0, 0, 0), (0, 0, 0), (0, 0, 2), radius=0.1, stiffness=1))
-    data = drawn_pose(made)
+    data = drawn_pose(made).to_dataset()
     sketch, points = Sketch(data), world(data)[0, 0]
     reaches = sketch.reaches(points[None])
     assert sorted(high - low for low, high in reaches.values()) == pytest.approx([0.2, 0.3])
@@ -282,7 +282,7 @@ def test_a_joint_that_is_open_is_a_red_line():
     bar = made.body("bar", mass=1, inertia=1, position=(0.5, 0))
     made.add(Revolute("left", made.ground, bar, (0, 0), (-0.5, 0)))
     made.add(Revolute("right", made.ground, bar, (3, 0), (0.5, 0)))
-    data = drawn_pose(made)
+    data = drawn_pose(made).to_dataset()
     assert data["component_symbol"].values.tolist() == ["hinge", "hinge"]
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(points[sketch.placed]).sheet
@@ -296,7 +296,7 @@ def test_a_rolling_wheel_in_space_is_a_disc_about_its_axis():
     turned = (np.sqrt(0.5), np.sqrt(0.5), 0, 0)
     disc = made.body("disc", mass=1, inertia=(0.1, 0.1, 0.2), position=(0.5, 0.2, 0.3), quaternion=turned)
     made.add(RollingWheel("road", made.ground, disc, (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1), 0.3))
-    data = drawn_pose(made)
+    data = drawn_pose(made).to_dataset()
     assert data["component_symbol"].values.tolist() == ["wheel"]
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(sketch.extent(points)).sheet
@@ -314,7 +314,7 @@ def test_a_skate_is_a_blade_along_its_axis():
     made = uqmbd.Mechanism("sleigh", uqmbd.Planar())
     body = made.body("body", mass=1, inertia=1, position=(1, 2), angle=np.pi / 2)
     made.add(Skate("blade", made.ground, body, (0.5, 0), (1, 0)))
-    data = drawn_pose(made)
+    data = drawn_pose(made).to_dataset()
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(points[sketch.placed]).sheet
     (blade,) = (s.vertices for s in sketch.draw(drawn, points) if s.width == 3.2)

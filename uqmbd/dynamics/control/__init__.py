@@ -1,8 +1,5 @@
 """Sampled controllers: calls, measured values, and use of commands."""
 
-from __future__ import annotations
+import lazy_loader
 
-from uqmbd.dynamics.control.loop import ControlLoop, loops_of, require_controllers, unused_commands
-from uqmbd.dynamics.control.sampling import Sampling
-
-__all__ = ["ControlLoop", "Sampling", "loops_of", "require_controllers", "unused_commands"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -3,9 +3,9 @@
 from uqmbd.dynamics.integrators.built_in import Auto, Dop853, Ida
 from uqmbd.dynamics.integrators.dispatch import (
     built_in_names,
+    installed_integrators,
     integrate,
     integrator_class,
-    integrators,
     require,
     require_for,
 )
@@ -24,7 +24,7 @@ __all__ = [
     "capabilities_of",
     "integrate",
     "integrator_class",
-    "integrators",
+    "installed_integrators",
     "require",
     "require_for",
 ]

@@ -23,7 +23,7 @@ from uqmbd.plugins import integrator as integrator_of_plugin
 from uqmbd.plugins import integrators as integrators_of_plugins
 from uqmbd.typing import Array
 
-__all__ = ["built_in_names", "integrate", "integrator_class", "integrators", "require", "require_for"]
+__all__ = ["built_in_names", "integrate", "integrator_class", "installed_integrators", "require", "require_for"]
 
 
 @cache
@@ -40,7 +40,7 @@ def built_in_names() -> tuple[str, ...]:
     return tuple(_integrators_by_name())
 
 
-def integrators() -> dict[str, type[Integrator]]:
+def installed_integrators() -> dict[str, type[Integrator]]:
     """Return all available integrators by name; integrators of the core come first."""
     return {**_integrators_by_name(), **integrators_of_plugins()}
 
@@ -75,7 +75,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     """
     if getattr(capabilities_of(integrator_class(name)), needed):
         return
-    able = [repr(other) for other, cls in integrators().items() if _has(cls, needed)]
+    able = [repr(other) for other, cls in installed_integrators().items() if _has(cls, needed)]
     undeclared = "" if name in built_in_names() else f": its class does not declare {needed}=True in its capabilities"
     about = f" ({why})" if why else ""
     more = f", or {', '.join(able[1:])}" if len(able) > 1 else ""

@@ -11,8 +11,8 @@ import numpy as np
 
 from uqmbd.report.charts import packed, packed_within
 from uqmbd.report.drawing import ROLES, mixed
-from uqmbd.report.mechanisms import Film, Sketch, magnification
-from uqmbd.report.stored_motion import named_poses, without_named
+from uqmbd.report.mechanisms import Film, PoseData, Sketch, magnification
+from uqmbd.report.stored_motion import NamedPose, named_poses, without_named
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ RESOLVED = 2e-5
 """Allowed error of positions, relative to the extent of the drawing: 1/50 of a pixel if the drawing has 1000 pixels."""
 
 
-def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
+def collect_player_data(motion: xr.Dataset | PoseData, most: int = MOST_NUMBERS) -> dict[str, Any]:
     """Return the poses of a mechanism, and the style in which they are drawn.
 
-    `motion` is the result of `uqmbd.report.motion`, or the node ``motion`` of results; `most` is the maximum number of
-    pose values. These keys of the result need an explanation:
+    `motion` is the result of `uqmbd.report.motion`, the node ``motion`` of results, or a drawn pose. `most` is the
+    maximum number of pose values. These keys of the result need an explanation:
 
     ``poses``: array (realisation, time, body, width). The first realisation is at the means. After ``realisations``
     unnamed realisations come the named realisations. ``named``: names of these, with their times, s. ``local``: points
@@ -44,7 +44,10 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     shapes, only if bodies have shapes. ``displaced``: displacements of points that move in their bodies, and the factor
     that magnifies them; ``lines``: lines through points that show each body. Both are present only if points move.
     """
-    named, others = named_poses(motion), without_named(motion)
+    named: list[NamedPose] = []
+    others = motion
+    if not isinstance(motion, PoseData):
+        named, others = named_poses(motion), without_named(motion)
     size = motion["pose"][0].size + (motion["displacement"][0].size if "displacement" in motion else 0)
     room = most // max(size, 1) - len(named)
     count = int(np.clip(room, 1, others.sizes["realisation"]))
@@ -89,7 +92,7 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     return found | ({"solids": _solids(data)} if sketch.shaped else {}) | _deformation(shown, sketch, bounds)
 
 
-def _deformation(data: xr.Dataset, sketch: Sketch, bounds: Array) -> dict[str, Any]:
+def _deformation(data: xr.Dataset | PoseData, sketch: Sketch, bounds: Array) -> dict[str, Any]:
     """Return points that move in their bodies: displacements, lines through them, and a factor that makes them visible.
 
     The result is empty if no point moves.
@@ -111,7 +114,7 @@ def _deformation(data: xr.Dataset, sketch: Sketch, bounds: Array) -> dict[str, A
     }
 
 
-def _solids(data: xr.Dataset) -> dict[str, Any]:
+def _solids(data: xr.Dataset | PoseData) -> dict[str, Any]:
     """Return the surfaces of shapes: vertices, first corner of the shape of each vertex, and triangles."""
     return {
         "vertices": packed(data["solid_vertex"].values, "float32"),

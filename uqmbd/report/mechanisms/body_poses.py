@@ -26,6 +26,7 @@ from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, 
 from uqmbd.propagation import build_observed_model, input_point
 from uqmbd.report.mechanisms.deformation import coordinate_sets, displaced_points, in_the_plane
 from uqmbd.report.mechanisms.named_realisations import NamedRealisation
+from uqmbd.report.mechanisms.pose_data import PoseData
 from uqmbd.report.mechanisms.solids import collect_solids
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
@@ -50,7 +51,7 @@ __all__ = [
 ]
 
 
-def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
+def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> PoseData:
     """Return the pose of an assembled mechanism, or the given pose with the reason why the assembly failed.
 
     `mechanism` has at least one body. `values` are values of random variables by name; other variables are at their
@@ -63,7 +64,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar())
     >>> rod = mechanism.body("rod", mass=1, inertia=1, position=(0.6, 0))
     >>> pivot = mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-0.5, 0)))
-    >>> [round(float(x), 6) for x in drawn_pose(mechanism)["pose"].sel(body="rod").squeeze()]
+    >>> [round(float(x), 6) for x in drawn_pose(mechanism).to_dataset()["pose"].sel(body="rod").squeeze()]
     [0.5, 0.0, 1.0, 0.0]
     """
     from uqmbd.dynamics import positions
@@ -80,10 +81,10 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
             note = messages[0]
         except AssemblyError as error:
             note = str(error)
-    return _dataset(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
+    return _pose_data(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
 
 
-def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
+def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> PoseData:
     """Return the pose of a mechanism before the assembly, as stated in the definitions of its bodies.
 
     The arguments and the result are those of `drawn_pose`.
@@ -91,13 +92,13 @@ def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None,
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Planar())
     >>> stone = mechanism.body("stone", mass=1, inertia=1, position=(0.6, 0))
-    >>> pose = stated_pose(mechanism)["pose"].sel(body="stone", coordinate="x")  # single precision
+    >>> pose = stated_pose(mechanism).to_dataset()["pose"].sel(body="stone", coordinate="x")  # single precision
     >>> round(float(pose.squeeze()), 6)
     0.6
     """
     point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
     known, (_, owners) = {"method": "", "note": "given pose"}, _kinematics(mechanism, time)
-    return _dataset(mechanism, _stated(mechanism, point)[:, None, :], point, [time], owners, known)
+    return _pose_data(mechanism, _stated(mechanism, point)[:, None, :], point, [time], owners, known)
 
 
 def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model | str, tuple[str, ...]]:
@@ -126,7 +127,7 @@ def _stated(mechanism: Mechanism, point: Array) -> Array:
     return ParameterMap.of(drawn, mechanism.inputs.variables)(point)
 
 
-def motion_at(study: Study, values: Mapping[str, float] | None = None, frames: int = 60) -> xr.Dataset:
+def motion_at(study: Study, values: Mapping[str, float] | None = None, frames: int = 60) -> PoseData:
     """Compute one motion of the bodies of a study, at values of random variables by name; others are at their means.
 
     The module describes the result, which has one realisation and `frames` times, evenly spread over the study. Raise
@@ -146,7 +147,7 @@ def motion_at(study: Study, values: Mapping[str, float] | None = None, frames: i
 
     start = float(study.times[0])
     model = mechanism.remembered(("kinematics", start), lambda: kinematic_model(mechanism, start))
-    return _dataset(mechanism, q, point, times, model.owners, {"method": "", "note": "", "stopped": message})
+    return _pose_data(mechanism, q, point, times, model.owners, {"method": "", "note": "", "stopped": message})
 
 
 def motion(
@@ -208,7 +209,8 @@ def motion(
 
     mechanism, start = study.mechanism, float(study.times[0])
     model = mechanism.remembered(("kinematics", start), lambda: kinematic_model(mechanism, start))
-    return _dataset(mechanism, q[good], values[good], times, model.owners, {**known, "failures": failures})
+    found = _pose_data(mechanism, q[good], values[good], times, model.owners, {**known, "failures": failures})
+    return found.to_dataset()
 
 
 def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
@@ -288,17 +290,15 @@ def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Arr
     return in_the_plane(mechanism, local), radii.reshape(len(values), len(marks))
 
 
-def _dataset(
+def _pose_data(
     mechanism: Mechanism,
     q: Array,
     values: Array,
     times: ArrayLike,
     owners: Collection[str],
     attrs: Mapping[str, Any],
-) -> xr.Dataset:
-    """Store poses (realisation, time, coordinate) and properties of the bodies in one dataset."""
-    import xarray as xr
-
+) -> PoseData:
+    """Store poses (realisation, time, coordinate) and properties of the bodies together."""
     from uqmbd.mechanism import carrier_name, collect_skeleton
     from uqmbd.results.schema import fixed_width
 
@@ -350,7 +350,7 @@ def _dataset(
     if len(inputs):
         data["inputs"] = (("realisation", "input"), values)
         coords |= {"input": list(inputs.names), "input_units": ("input", fixed_width(inputs.units))}
-    return xr.Dataset(data, coords, {"mechanism": mechanism.name, "space": space.name, **attrs})
+    return PoseData.of(data, coords, {"mechanism": mechanism.name, "space": space.name, **attrs})
 
 
 def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from uqmbd.mechanism import CoordinateSet, Mark, Mechanism
+    from uqmbd.report.mechanisms.pose_data import PoseData
 
 __all__ = ["MAGNIFIED", "coordinate_sets", "displaced_points", "in_the_plane", "magnification"]
 
@@ -69,7 +70,7 @@ def displaced_points(
     }
 
 
-def magnification(data: xr.Dataset, size: float) -> float:
+def magnification(data: xr.Dataset | PoseData, size: float) -> float:
     """Return the factor (1, 2 or 5 times a power of 10) that makes the displacements of a motion visible.
 
     `size` is the extent of the drawing, m.

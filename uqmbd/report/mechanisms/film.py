@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uqmbd.report.drawing import mixed
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
+from uqmbd.report.mechanisms.pose_data import PoseData
 from uqmbd.report.mechanisms.sheet import Shape, Sheet, hull, sheet_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.report.mechanisms.symbols import Stroke
@@ -31,7 +32,7 @@ THICK = 4.2
 class Film:
     """Animation of a motion, which draws its frames in sequence."""
 
-    data: xr.Dataset  # result of `motion`
+    data: xr.Dataset | PoseData  # result of `motion`, or a drawn pose
     width: float  # inches
     resolution: int  # pixels per inch
 

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.report.mechanisms.labels import Label
+from uqmbd.report.mechanisms.pose_data import PoseData
 from uqmbd.report.mechanisms.sheet import Shape, Sheet, across, extremes, foot, link_shapes, outline_of
 from uqmbd.report.mechanisms.solids import Solids
 from uqmbd.report.mechanisms.symbols import CLEAR, SQUARE, Stroke, Symbols, projected
@@ -29,7 +30,7 @@ CLOSED = ("hinge", "ball", "universal", "weld")
 """Symbols of joints with two coincident points."""
 
 
-def world(data: xr.Dataset) -> Array:
+def world(data: xr.Dataset | PoseData) -> Array:
     """Return all points and directions in world axes.
 
     `data` is the result of `uqmbd.report.motion`. Return an array (realisation, time, point, axis). Points are
@@ -88,7 +89,7 @@ class SketchPart:
 class Sketch:
     """Drawing instructions for a mechanism in any of its poses."""
 
-    data: xr.Dataset  # result of `uqmbd.report.motion`
+    data: xr.Dataset | PoseData  # result of `uqmbd.report.motion`, or a drawn pose
 
     @cached_property
     def bodies(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from uqmbd.mechanism import Mark, Mechanism
+    from uqmbd.report.mechanisms.pose_data import PoseData
 
 __all__ = ["Solids", "collect_solids"]
 
@@ -100,7 +101,7 @@ def simplified(vertices: Array, faces: NDArray[np.int64], most: int) -> tuple[Ar
 class Solids:
     """Surfaces of the shapes in a dataset of poses."""
 
-    data: xr.Dataset
+    data: xr.Dataset | PoseData
 
     @cached_property
     def faces(self) -> NDArray[np.int64]:

@@ -14,6 +14,7 @@ from uqmbd.report.drawing import Drawing
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.labels import PlacedLabel, placed_names
+from uqmbd.report.mechanisms.pose_data import PoseData
 from uqmbd.report.mechanisms.sheet import Shape, Sheet, sheet_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.typing import Array
@@ -135,7 +136,7 @@ def draw_named(data: xr.Dataset, realisation: int, time: float) -> Drawing:
     return still(data.isel(realisation=[realisation, 0], time=[frame]))
 
 
-def draw_pose(data: xr.Dataset) -> Drawing:
+def draw_pose(data: PoseData) -> Drawing:
     """Draw a mechanism in one pose, with the names of its bodies and components.
 
     `data` is the result of `drawn_pose`; a line above the drawing states why the mechanism is not assembled.

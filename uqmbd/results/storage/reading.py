@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from xarray.backends import CachingFileManager, H5NetCDFStore
 
 from uqmbd.errors import StudyError
 from uqmbd.files import regular
@@ -92,10 +91,10 @@ def opened_netcdf(path: Path, *, below: bool = True) -> xr.DataTree:
             raise
         return found
     # the manager can reopen the file in another process
-    manager = CachingFileManager(_opened, str(path.resolve()), mode="r", kwargs={"below": below})
+    manager = xr.backends.CachingFileManager(_opened, str(path.resolve()), mode="r", kwargs={"below": below})
     try:
         sets = {
-            name: xr.open_dataset(H5NetCDFStore(manager, group=name, mode="r"), cache=False, **PLAIN)
+            name: xr.open_dataset(xr.backends.H5NetCDFStore(manager, group=name, mode="r"), cache=False, **PLAIN)
             for name in (_groups(manager.acquire(), "/") if below else ["/"])
         }
         found = xr.DataTree.from_dict(sets)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from xarray.backends import H5NetCDFStore
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, UqmbdError
@@ -332,7 +331,7 @@ def _write(tree: xr.DataTree, path: Path) -> None:
                     large.append(f"{node.path.rstrip('/')}/{name}")
             coords = {name: variables.pop(name) for name in dataset.coords if name in variables}
             dataset = dataset.assign(variables).assign_coords(coords)
-            dataset.dump_to_store(H5NetCDFStore(group), encoding=encoding)
+            dataset.dump_to_store(xr.backends.H5NetCDFStore(group), encoding=encoding)
             made.check()
         spans = made.chunks(large)
     # exclude the checksum of HDF5 at the end of each chunk

@@ -5,17 +5,6 @@ node itself, without the dimension ``time``: ``scalars/statistics``, ``scalars/s
 attributes with the origin of these numbers.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from uqmbd.results.tree.compared import compare_both, happening, scalar_nodes, study_tree
-from uqmbd.results.tree.joined import joined_outputs, with_requirements, with_scalars
-
-__all__ = [
-    "compare_both",
-    "happening",
-    "joined_outputs",
-    "scalar_nodes",
-    "study_tree",
-    "with_requirements",
-    "with_scalars",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -38,8 +38,8 @@ class TableLike(Protocol):
     def __getitem__(self, key: Any, /) -> Any: ...
 
 
-Named: TypeAlias = Mapping[str, Any] | xr.Dataset | TableLike
-"""Inputs by name."""
+Named: TypeAlias = Mapping[Any, Any] | TableLike
+"""Inputs by name, in a mapping such as `xarray.Dataset`, or in a table."""
 
 
 @dataclass(frozen=True)

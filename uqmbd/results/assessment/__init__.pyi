@@ -1,0 +1,31 @@
+"""The names of `uqmbd.results.assessment` and their modules, for type checkers and for lazy imports."""
+
+from .accuracy import StatedAccuracy as StatedAccuracy
+from .accuracy import stated_accuracy as stated_accuracy
+from .alignment import align as align
+from .assessment import LEVELS as LEVELS
+from .assessment import Assessment as Assessment
+from .assessment import OutputReliability as OutputReliability
+from .assessment import assess as assess
+from .costs import error_against_cost as error_against_cost
+from .coupled import coupled_systems as coupled_systems
+from .differences import choose_reference as choose_reference
+from .differences import compare as compare
+from .error_norms import relative_errors as relative_errors
+from .error_sentences import own_statements as own_statements
+from .integration_share import IntegrationShare as IntegrationShare
+from .integration_share import integration_shares as integration_shares
+from .integration_share import worst_integration_share as worst_integration_share
+from .judgements import Judgement as Judgement
+from .judgements import judgements_of as judgements_of
+from .judgements import worst as worst
+from .limits import COARSE as COARSE
+from .limits import EXACT as EXACT
+from .own_errors import NO_SPREAD as NO_SPREAD
+from .own_errors import NO_VARIATION as NO_VARIATION
+from .recommendation import recommend as recommend
+from .recommendation import recommended as recommended
+from .verdicts import AGREES as AGREES
+from .verdicts import DIFFERS as DIFFERS
+from .verdicts import REFERENCE as REFERENCE
+from .verdicts import UNDER_RESOLVED as UNDER_RESOLVED

@@ -1,0 +1,31 @@
+"""The names of `uqmbd.results.statistics` and their modules, for type checkers and for lazy imports."""
+
+from .circular import circular_mean as circular_mean
+from .circular import circular_of_blocks as circular_of_blocks
+from .circular import circular_of_components as circular_of_components
+from .circular import circular_std as circular_std
+from .circular import unwrap_samples as unwrap_samples
+from .circular_moments import CircularMoments as CircularMoments
+from .counted_quantiles import CountedQuantiles as CountedQuantiles
+from .directions import mean_direction as mean_direction
+from .directions import mean_rotation as mean_rotation
+from .directions import rotation_std as rotation_std
+from .moments import Moments as Moments
+from .moments import divisor as divisor
+from .moments import independent_errors as independent_errors
+from .moments import integration_error as integration_error
+from .moments import over_time as over_time
+from .moments import relative as relative
+from .moments import rtol_of as rtol_of
+from .moments import settled as settled
+from .moments import usual_errors as usual_errors
+from .moments import varies as varies
+from .moments import varying as varying
+from .quantiles import ConsecutiveSamples as ConsecutiveSamples
+from .quantiles import quantiles_of_chunks as quantiles_of_chunks
+from .replicates import replicate_errors as replicate_errors
+from .replicates import studentised as studentised
+from .samples import replicate_statistics as replicate_statistics
+from .samples import running_statistics as running_statistics
+from .samples import sample_statistics as sample_statistics
+from .samples import statistics_of_samples as statistics_of_samples
