@@ -25,7 +25,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 960,
+    "uqmbd": 1_070,
     "uqmbd.arguments": 560,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 280,
@@ -39,7 +39,7 @@ STATEMENTS = {
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_840,
     "uqmbd.randomness": 5_590,
-    "uqmbd.report": 8_650,
+    "uqmbd.report": 8_690,
     "uqmbd.results": 9_800,
     "uqmbd.testing": 2_810,
     "uqmbd.units": 285,
