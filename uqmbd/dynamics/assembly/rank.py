@@ -144,7 +144,7 @@ def _nearest(a: Array, slope: Array, rank: int) -> tuple[Array, Array, Array]:
 
 
 def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
-    """Return combinations of constraint equations without an effect on coordinates: arbitrary extra multipliers.
+    """Return combinations of multipliers without an effect on coordinates, which may be added to every solution.
 
     The result for one realisation has the shape (equation, redundancy). The result is orthonormal before the division
     of each row by the length of its equation's gradient.
@@ -158,7 +158,7 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
 def violated(
     model: Model, times: Array, states: Array, parameters: Array, lengths: Array, rtol: float
 ) -> dict[int, tuple[int, str]]:
-    """Find motions that violate equations omitted as redundant, which were only dependent in a singular start pose.
+    """Find motions that violate equations which were omitted as redundant, but are so in a singular start pose only.
 
     States are (K, T, width), NaN if missing; `lengths` (K, equation) are the lengths of the gradients of the equations.
     Return the index of the first such time and a message for each affected realisation.

@@ -40,8 +40,9 @@ TOGETHER = 1e-9
 A reserve below `AT_LIMIT` vanishes within this time. Feet of one body that reach their limits together may therefore do
 so at times that differ by it."""
 START = 10.0
-"""Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant; as in
-decisions.c."""
+"""Speed at the start of slip that counts as zero, m/s, divided by the tolerance, m; equal to the value in decisions.c.
+
+It follows from the accuracy of the interpolant."""
 HOLDS, SLIDES = 1, 2
 """Decided at this instant: a contact sticks without a reserve of friction, or slips in any case; as in decisions.c."""
 HELD = 1e-6

@@ -43,7 +43,7 @@ APPROACH = 0.4
 FEWEST = 4
 """Number of states for a continuation; one state fewer yields the error estimate."""
 PAST = 0.2
-"""Time to the pose, relative to that of the best continuation, from which on its error may be up to `ROUNDING`."""
+"""The error may be up to `ROUNDING` below this ratio of the time to the pose to that of the best continuation."""
 ROUNDING = 1e-7
 """Largest relative error of a continuation if rounding makes the tolerance unattainable."""
 MOST_CHECKS = 60

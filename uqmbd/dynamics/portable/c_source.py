@@ -83,10 +83,10 @@ def driver_sources(*, contacts: bool) -> dict[str, str]:
 
 @dataclass
 class _KernelBody:
-    """Operations of kernels that differ in the places of some arguments only.
+    """Operations of kernels that differ only in the places of some arguments.
 
-    `reads`: places of the arguments of the first kernel, in the order of the text; `moved`: indices in `reads` of those
-    that the other kernels read elsewhere, at the same distance; none until there is another kernel.
+    `reads`: places of the arguments of the first kernel, in the order of the text. `moved`: indices in `reads` of the
+    arguments that other kernels read from other places, all at the same distance; empty for a single kernel.
     """
 
     name: str
@@ -275,7 +275,7 @@ def _function(name: str, text: str) -> str:
 
 
 def _shared(body: _KernelBody) -> str:
-    """Return the function that several kernels call: it reads some arguments from an address of their own."""
+    """Return the function that several kernels call; each kernel passes the address of its moved arguments."""
     places = iter(range(len(body.reads)))
     text = _READ.sub(lambda found: f"{'z' if next(places) in body.moved else 'x'}[{found[1]}]", body.text)
     head = f"static void shared_{body.name}(const double *x, const double *z, double *y)"

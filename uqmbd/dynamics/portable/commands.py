@@ -12,7 +12,7 @@ from uqmbd.mechanism import Mechanism
 __all__ = ["MOST_MEASURED", "MotionCommand", "commands_of", "measured_expressions", "written_laws"]
 
 MOST_MEASURED = 1 << 12
-"""Count of numbers for the measured values of each controller, larger than the count of its measured values."""
+"""Number of indices that are reserved for the measured values of each controller; no controller has as many."""
 
 
 @dataclass(frozen=True)

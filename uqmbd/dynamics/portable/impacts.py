@@ -47,7 +47,8 @@ def written_contacts(
 ) -> tuple[str, str, dict[str, int], int]:
     """Return the C structure of contacts, a table of rows, sizes, and the workspace of the driver.
 
-    The table has the rows of the gap, the coefficient of friction and the normal speed of each event (any, of a mark).
+    The table has the rows of the gap, the coefficient of friction and the normal speed of each contact. Its entries for
+    other events have no meaning.
     """
     names = ("MOTION_EVENTS", "MOTION_DIRECTIONS")
     if found is None:
