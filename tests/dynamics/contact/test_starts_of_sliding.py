@@ -28,10 +28,14 @@ def driver_alone(monkeypatch):
 @pytest.mark.usefixtures("driver_alone")
 @pytest.mark.parametrize("kind", ["ramp", "wave", "together", "shaken"])
 @pytest.mark.parametrize(
-    ("space", "most"), [(uqmbd.Translational, 3), pytest.param(uqmbd.Planar, 1, marks=pytest.mark.thorough)]
+    ("space", "most"),
+    [
+        (uqmbd.Translational, 3),
+        *(pytest.param(uqmbd.Planar, x, marks=pytest.mark.thorough) for x in (1, 3)),
+    ],
 )
 def test_stacks_move_as_by_another_method(space, most, kind):
-    """Up to three blocks on each other, or one block on three feet, whose forces are not unique."""
+    """Blocks on each other, in the plane each on three feet, whose forces are not unique."""
     rng, times = np.random.default_rng(7), np.linspace(0, 1.2, 13)
     stack = random_stack(space, rng, most, 3, kind)
     found = integrate(Ensemble(build(stack.mechanism), np.zeros((1, 0))), times, 1e-8)
@@ -106,3 +110,22 @@ def test_dry_friction_turns_sticks_and_starts_again():
     times = np.array([half * k for k in range(len(ends))] + [2.0, 3.0])
     found = integrate(Ensemble(build(mechanism), np.zeros((1, 0))), times, 1e-9)
     np.testing.assert_allclose(found.states[0, :, 0], [*ends, ends[-1], ends[-1]], atol=1e-7)
+
+
+@pytest.mark.usefixtures("driver_alone")
+def test_joints_with_dry_friction_start_together_as_each_alone():
+    """Five equal masses without contact to each other, pushed at the same time: more combinations than are enumerated."""
+    mechanism, limits = uqmbd.Mechanism("masses", uqmbd.Line()), [2.0, 2.0, 2.0 + 1e-9, 3.0, 3.0]
+    for k, limit in enumerate(limits):
+        mass = mechanism.body(f"m{k}", mass=1, position=0, velocity=0)
+        mechanism.add(SlidingFriction(f"rail{k}", mechanism.ground, mass, 0, 0, 1, friction=limit))
+        mechanism.add(PointForce(f"push{k}", mass, 0, 10 * uqmbd.t))
+        mechanism.output(f"x{k}", mass.position[0], units="m")
+    times = np.linspace(0, 1, 5)
+    found = integrate(Ensemble(build(mechanism), np.zeros((1, 0))), times, 1e-9)
+    assert found.messages == ("",)
+    for k, limit in enumerate(limits):
+        late = np.maximum(0, times - limit / 10)
+        np.testing.assert_allclose(found.states[0, :, k], 10 * late**3 / 6, atol=1e-8)
+        np.testing.assert_allclose(found.scalars[f"rail{k}: slip 1"], limit / 10, rtol=1e-8)
+        assert f"rail{k}: slip 2" not in found.scalars

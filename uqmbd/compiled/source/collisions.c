@@ -1,15 +1,19 @@
-/* Laws of several contacts: the impulses of an impact, and the states of closed contacts.
+/* Laws of several contacts: the impulses of an impact, and the forces of closed contacts.
 
    The problem is that of one contact (coulomb.c) for all contacts together.  Its states (stick, slip on, slip back, no
    impulse) are enumerated, those of the last contact first, up to MOST_STATES combinations; impulses of redundant
-   contacts are the least ones.  The first solution in this order is used.  In space, this is done for one contact, and
-   for contacts whose directions of sliding are known. */
+   contacts are the least ones.  The first solution in this order is used.  Beyond this bound, and where directions of
+   sliding in space are unknown, Newton's method solves the laws as equations, from impulses that end all slip, and from
+   those of a number of relaxations (M. Jean, J. J. Moreau, Proceedings of the Contact Mechanics International Symposium
+   1992, 31-48). */
 #include "group.h"
 
 static const double UNSTABLE = 1e-9; /* negative stiffness of contacts, relative to their own, that counts as zero */
 
 enum {
     MOST_STATES = 64,
+    ITERATIONS_OF_LAWS = 40,
+    RELAXATIONS = 300, /* sweeps over all contacts */
     MOST_BLOWS = 200, /* collisions at an instant; after them, the impact is without restitution */
 };
 
@@ -106,7 +110,117 @@ static void impulses_of(const Collision *x, const int64_t *states, Lane *s, doub
     }
 }
 
-/* The first impulses that satisfy the laws; whether there are some; -1 beyond the bound of the enumeration. */
+/* By what impulses exceed those that the laws require at the speeds after them: nothing in a solution.  `slope` are the
+   derivatives (row, row). */
+static void excess_of(const Collision *x, const double *impulse, double *rest, double (*slope)[MOST_ROWS]) {
+    double after[MOST_ROWS];
+    int64_t rows = x->first[x->count];
+    respond_together(x, impulse, after);
+    for (int64_t k = 0; k < x->count; k++) {
+        int64_t n = x->first[k], count = x->first[k + 1] - n;
+        double answer = 1.0 / own_response(x, k), along[2], size = 0.0;
+        double normal = impulse[n] - answer * (after[n] - x->rebound[k]);
+        for (int64_t i = 0; i < count; i++)
+            for (int64_t j = 0; j < rows; j++) slope[n + i][j] = n + i == j;
+        rest[n] = impulse[n] - greatest(0.0, normal);
+        for (int64_t i = 1; i < count; i++) {
+            along[i - 1] = impulse[n + i] - answer * after[n + i];
+            size += along[i - 1] * along[i - 1];
+        }
+        size = __builtin_sqrt(size);
+        double most = x->friction[k] * greatest(0.0, normal);
+        for (int64_t i = 1; i < count; i++)
+            rest[n + i] = impulse[n + i] - along[i - 1] * (size <= most ? 1.0 : most / size);
+        if (normal <= 0.0) continue;
+        for (int64_t j = 0; j < rows; j++) slope[n][j] = answer * x->matrix[n][j];
+        for (int64_t i = 1; i < count; i++)
+            for (int64_t j = 0; j < rows; j++) {
+                if (size <= most) {
+                    slope[n + i][j] = answer * x->matrix[n + i][j];
+                    continue;
+                }
+                double direction = along[i - 1] / size, moved = (n == j) - answer * x->matrix[n][j];
+                slope[n + i][j] -= x->friction[k] * direction * moved;
+                for (int64_t a = 1; a < count; a++) {
+                    double across = (a == i) - direction * along[a - 1] / size;
+                    slope[n + i][j] -= most / size * across * ((n + a == j) - answer * x->matrix[n + a][j]);
+                }
+            }
+    }
+}
+
+/* Size of impulses in the units of their contacts. */
+static double scaled_size(const Collision *x, const double *impulse) {
+    double sum = 0.0;
+    for (int64_t i = 0; i < x->first[x->count]; i++) {
+        double value = impulse[i] / (x->unit[i] * x->unit[i]);
+        sum += value * value;
+    }
+    return __builtin_sqrt(sum);
+}
+
+/* Improve impulses by Newton's method: if no step is an improvement, by a relaxation of all contacts. */
+static void improve(const Collision *x, Lane *s, double *impulse) {
+    int64_t rows = x->first[x->count];
+    double rest[MOST_ROWS], tried[MOST_ROWS], left[MOST_ROWS], slope[MOST_ROWS][MOST_ROWS], unused[MOST_ROWS][MOST_ROWS];
+    excess_of(x, impulse, rest, slope);
+    for (int64_t count = 0; count < ITERATIONS_OF_LAWS; count++) {
+        double size = scaled_size(x, rest), length = 1.0;
+        if (!(size > 1e-3 * EXACT * scaled_size(x, impulse))) return;
+        for (int64_t i = 0; i < rows; i++) {
+            double unit = x->unit[i] * x->unit[i];
+            s->unit[i] = 1.0;
+            s->right[i] = -rest[i] / unit;
+            for (int64_t j = 0; j < rows; j++) s->inner[i * rows + j] = slope[i][j] * x->unit[j] * x->unit[j] / unit;
+        }
+        least_solution(s, rows);
+        for (;; length *= 0.5) {
+            for (int64_t i = 0; i < rows; i++) tried[i] = impulse[i] + length * x->unit[i] * x->unit[i] * s->found[i];
+            excess_of(x, tried, left, unused);
+            if (scaled_size(x, left) < (1.0 - 0.1 * length) * size) break;
+            if (length > 0.2) continue;
+            for (int64_t i = 0; i < rows; i++) tried[i] = impulse[i] - rest[i] / (double)x->count;
+            break;
+        }
+        for (int64_t i = 0; i < rows; i++) impulse[i] = tried[i];
+        excess_of(x, impulse, rest, slope);
+    }
+}
+
+/* Relax the laws of one contact after the other. */
+static void relax(const Collision *x, double *impulse) {
+    for (int64_t i = 0; i < x->first[x->count]; i++) impulse[i] = 0.0;
+    for (int64_t sweep = 0; sweep < RELAXATIONS; sweep++)
+        for (int64_t k = 0; k < x->count; k++) {
+            int64_t n = x->first[k], end = x->first[k + 1];
+            double size = 0.0, widest = 1e-300;
+            for (int64_t i = n; i < end; i++) {
+                double after = x->before[i] - (i == n ? x->rebound[k] : 0.0);
+                for (int64_t j = 0; j < x->first[x->count]; j++) after += x->matrix[i][j] * impulse[j];
+                for (int64_t t = n + 1; t < end; t++) widest = greatest(widest, __builtin_fabs(x->matrix[t][t]));
+                impulse[i] -= after / (i == n ? greatest(__builtin_fabs(x->matrix[n][n]), 1e-300) : widest);
+                if (i == n) impulse[n] = greatest(0.0, impulse[n]);
+                if (i > n) size += impulse[i] * impulse[i];
+            }
+            size = __builtin_sqrt(size);
+            double most = x->friction[k] * impulse[n];
+            for (int64_t i = n + 1; i < end && size > most; i++) impulse[i] *= most / size;
+        }
+}
+
+/* Impulses that satisfy the laws, by iteration; whether there are some, -1 if none are found. */
+static int solve_by_iteration(const Collision *x, Earlier earlier, Lane *s, double *impulse) {
+    int64_t states[MOST_CLOSED] = {STICKS};
+    for (int64_t k = 0; k < x->count; k++) states[k] = STICKS;
+    impulses_of(x, states, s, impulse);
+    improve(x, s, impulse);
+    if (satisfy_together(x, impulse, earlier)) return 1;
+    relax(x, impulse);
+    improve(x, s, impulse);
+    return satisfy_together(x, impulse, earlier) ? 1 : -1;
+}
+
+/* The first impulses that satisfy the laws; whether there are some; -1 if that is not known. */
 static int solve_together(const Collision *x, Earlier earlier, Lane *s, double *impulse) {
     int64_t states[MOST_CLOSED] = {0}, combinations = 1;
     if (x->count == 1) {
@@ -119,10 +233,11 @@ static int solve_together(const Collision *x, Earlier earlier, Lane *s, double *
     }
     for (int64_t k = 0; k < x->count; k++) {
         int64_t tangents = x->first[k + 1] - x->first[k] - 1;
-        if (tangents > 1) return -1;
-        combinations *= tangents ? 4 : 2;
+        /* the friction of more contacts that begin to slide in space is not unique: the caller decides */
+        if (tangents > 1 && x->count > 2 && earlier.energy < 0.0) return -1;
+        combinations *= tangents > 1 ? MOST_STATES + 1 : tangents ? 4 : 2;
+        if (combinations > MOST_STATES) return solve_by_iteration(x, earlier, s, impulse);
     }
-    if (combinations > MOST_STATES) return -1;
     for (;;) {
         impulses_of(x, states, s, impulse);
         if (satisfy_together(x, impulse, earlier)) return 1;

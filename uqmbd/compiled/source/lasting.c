@@ -74,8 +74,8 @@ static int load_others(const Closed *c, Lane *s, double still, const int64_t *un
     respond_closed(c, x->force, before);
     respond_closed(c, found->force, after);
     for (int64_t i = 0; i < c->first[c->count]; i++) moved = greatest(moved, __builtin_fabs(after[i] - before[i]));
-    /* at the limit of friction of all contacts, guards have just fallen */
-    return moved <= still && are_pressed(c, found, AT_LIMIT);
+    /* at the limit of friction of all contacts, guards have just fallen, and the reserves are inexact */
+    return moved <= still && are_pressed(c, found, CLEAR);
 }
 
 /* The states of closed contacts; whether they are known.  Speeds up to `slow` count as zero.  The caller decides if no

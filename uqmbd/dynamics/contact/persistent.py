@@ -47,6 +47,8 @@ RESTS = 1e-8
 """Acceleration along a surface, relative to accelerations without contacts, that counts as zero."""
 UNMOVED = 1e-6
 """Internal forces, relative to all forces, that count as zero."""
+CLEAR = 1e-6
+"""Excess of friction over its limit, relative to the limit, that counts as zero where guards have just fallen."""
 PRESSED = 1e-9
 """Normal force of a redundant contact, relative to the largest force, that counts as zero."""
 UNSTABLE = 1e-9
@@ -193,7 +195,7 @@ def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: floa
     both: dict[int, Mode] = {k: (modes | unloaded)[k] for k in near if k in modes or k in unloaded}
     others = with_internal(contacts, ContactModes(both, {k: x for k, x in headings.items() if k in both}))
     moved = np.abs(others[1].rate - found[1].rate).max() > still
-    return PersistentContacts(*(found if moved or not pressed(contacts, *others) else others), several)
+    return PersistentContacts(*(found if moved or not pressed(contacts, *others, CLEAR) else others), several)
 
 
 def _lasting_solution(problem: Collision) -> tuple[Array, bool] | None:
@@ -213,11 +215,15 @@ def _lasting_solution(problem: Collision) -> tuple[Array, bool] | None:
     return None if unstable is None else (unstable, False)
 
 
-def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> bool:
-    """Return whether all persistent contacts are pressed, with sufficient friction for sticking, at one state."""
+def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion, part: float = 0.0) -> bool:
+    """Return whether all persistent contacts are pressed, with sufficient friction for sticking, at one state.
+
+    Friction may exceed its limit by a `part` of it.
+    """
     touches, force = persistent_touches(contacts, lasting), motion.force[0]
     normals = force[[x.normal for x in touches]]
-    return bool((normals > PRESSED * contacts.size_of(force)).all() and (reserves(touches, force) >= 0).all())
+    most = -part * normals * [x.friction for x in touches]
+    return bool((normals > PRESSED * contacts.size_of(force)).all() and (reserves(touches, force) >= most).all())
 
 
 def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[ContactModes, ContactMotion]:
