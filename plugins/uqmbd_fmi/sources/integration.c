@@ -20,6 +20,8 @@ static const double RELEVANT = 100.0; /* relevant deviation of a table from a cu
 static const double CLOSED = 1e-9, LOST = 1e-6; /* a closed gap, also of a contact that lasted, relative to the size */
 static const double DEEP = 1e-6;                /* an overlap of bodies that is an error */
 static const double STILL = 1e-12;              /* speed that counts as zero at the start, relative to the size */
+static const double ROUNDED = 1e-13;            /* normal speed, relative to its terms, that counts as zero */
+static const double PUSHED = 10.0;              /* tolerances by which an input may change a normal speed without effect */
 static const double CLUSTER_TIME = 2e-3;        /* time of a cluster of events, relative to the duration */
 
 /* What the driver works with: a problem of one realisation. */
@@ -149,25 +151,43 @@ static int is_contact(int event) { return motion_contacts.first[event + 1] > mot
 
 static int has_tangents(int event) { return motion_contacts.first[event + 1] - motion_contacts.first[event] > 1; }
 
-/* Gaps, coefficients of friction and normal speeds at a time inside of the interval, where no function of time jumps. */
-static void evaluate_contacts(const Run *run, Motion *of, double *found) {
+/* Rows of the contact program at a time inside of the interval, where no function of time jumps. */
+static void evaluate_rows(const Run *run, Motion *of, const int64_t *rows, int64_t count, double *found) {
     double arguments[ARGUMENTS + 1];
     const double begin = run->begin, end = run->ends[run->leg <= run->last_leg ? run->leg : run->last_leg];
     const double near = 1e-12 * fmax(1.0, fmax(fabs(begin), fabs(end)));
     fill_arguments(of, of->state, fmin(fmax(run->now, begin + near), end - near), arguments);
     const Source source = {arguments, ARGUMENTS, ARGUMENTS, 1, 1, 0};
-    evaluate(&motion_contacts.contact, (V *)cleared(of), &source, 1, 0, 1, motion_contact_rows, CONTACT_ROWS, found);
+    evaluate(&motion_contacts.contact, (V *)cleared(of), &source, 1, 0, 1, rows, count, found);
+}
+
+/* Gaps, coefficients of friction and normal speeds of all events. */
+static void evaluate_contacts(const Run *run, Motion *of, double *found) {
+    evaluate_rows(run, of, motion_contact_rows, CONTACT_ROWS, found);
+}
+
+/* Size of the terms of the normal speed of a contact. */
+static double find_terms_of_speed(const Run *run, Motion *of, int event) {
+    double found[MOTION_COORDINATES + 1], size = 0.0;
+    evaluate_rows(run, of, motion_contacts.slope + motion_contacts.first[event] * MOTION_COORDINATES, MOTION_COORDINATES,
+                  found);
+    for (int k = 0; k < MOTION_COORDINATES; k++)
+        size += fabs(found[k] * of->state[MOTION_COORDINATES + MOTION_STATES + k]);
+    return size;
 }
 
 /* Report overlapping bodies; return whether there are some. */
-static int report_overlap(const Motion *of, const double *found, Report *to) {
+static int report_overlap(const Motion *of, double time, const double *found, Report *to) {
     for (int k = 0; k < MOTION_EVENTS; k++)
         if (is_contact(k) && found[k] < -DEEP * of->length) {
-            report(to, ERROR, "%s: the bodies overlap by %.3g m at t = %.6g s.", motion_event_names[k], -found[k],
-                   of->time);
+            report(to, ERROR, "%s: the bodies overlap by %.3g m at t = %.6g s.", motion_event_names[k], -found[k], time);
             return 1;
         }
     return 0;
+}
+
+static void report_endless(const Run *run, Report *to) {
+    report(to, ERROR, "More than %d events of contacts occur in a step at t = %.6g s.", MOST_IMPACTS, run->now);
 }
 
 /* Report why the driver has not decided about an event. */
@@ -176,6 +196,10 @@ static void report_undecided(const Run *run, Motion *of, int event, Report *to) 
     const char *const name = motion_event_names[event];
     if (of->stalled > CROWDED) {
         report(to, ERROR, "%s: more than %d events occur at t = %.6g s.", name, CROWDED, run->now);
+        return;
+    }
+    if (of->total > MOST_IMPACTS) {
+        report_endless(run, to);
         return;
     }
     evaluate_contacts(run, of, found);
@@ -216,26 +240,44 @@ void start_contacts(Motion *of, Report *to) {
     prepare(&run, of, of->time + motion_duration, to);
     if (to->status >= ERROR) return;
     evaluate_contacts(&run, of, found);
-    if (report_overlap(of, found, to)) return;
-    for (int k = 0; k < MOTION_EVENTS; k++)
+    if (report_overlap(of, of->time, found, to)) return;
+    for (int k = 0; k < MOTION_EVENTS; k++) {
+        if (!is_contact(k) || found[k] > CLOSED * of->length) continue;
         /* bodies that approach each other collide in the first step */
-        if (is_contact(k) && found[k] <= CLOSED * of->length && fabs(found[SPEED_ROWS + k]) <= STILL * of->length) {
-            decide(&run, of, 2 * k, to);
-            return;
-        }
+        if (fabs(found[SPEED_ROWS + k]) > fmax(STILL * of->length, ROUNDED * find_terms_of_speed(&run, of, k))) continue;
+        decide(&run, of, 2 * k, to);
+        return;
+    }
 }
 
-/* Follow inputs that have changed contacts: friction appears or vanishes, or bodies are moved apart. */
+/* Decide about normal speeds of closed contacts that inputs have changed; return whether there are some. */
+static int follow_push(Run *run, Motion *of, const double *found, Report *to) {
+    int fastest = -1;
+    for (int k = 0; k < MOTION_EVENTS; k++) {
+        const double speed = found[SPEED_ROWS + k];
+        if (of->mode[k] == OPEN) continue;
+        if (fabs(speed) <= PUSHED * of->tolerance * (of->length + find_terms_of_speed(run, of, k))) continue;
+        if (fastest < 0 || speed < found[SPEED_ROWS + fastest]) fastest = k;
+    }
+    if (fastest < 0) return 0;
+    of->happened = 2 * fastest;
+    of->later = -INFINITY;
+    if (!decide_push(&run->problem, &run->pool, 0, cleared(of))) report_undecided(run, of, fastest, to);
+    return 1;
+}
+
+/* Follow inputs that have changed contacts: bodies are moved, or pushed, or friction appears or vanishes. */
 static void follow_contacts(Run *run, Motion *of, Report *to) {
     double found[CONTACT_ROWS + 1];
     evaluate_contacts(run, of, found);
-    if (report_overlap(of, found, to)) return;
+    if (report_overlap(of, run->now, found, to) || !of->arming) return;
+    for (int k = 0; k < MOTION_EVENTS; k++)
+        if (found[k] > LOST * of->length) of->mode[k] = OPEN;
+    if (follow_push(run, of, found, to)) return;
     for (int k = 0; k < MOTION_EVENTS && to->status < ERROR; k++) {
         const int rubs = has_tangents(k) && found[FRICTION_ROWS + k] > 0;
         if (of->mode[k] == OPEN) continue;
-        if (found[k] > LOST * of->length) {
-            of->mode[k] = OPEN;
-        } else if (!rubs) {
+        if (!rubs) {
             of->mode[k] = SMOOTH;
         } else if (of->mode[k] == SMOOTH) { /* as at an end of sliding */
             of->mode[k] = SLIP;
@@ -249,9 +291,11 @@ static void process_event(Run *run, Motion *of, Report *to) {
     double found[CONTACT_ROWS + 1];
     const int event = (int)(of->happened / 2), second = (int)(of->happened % 2);
     evaluate_contacts(run, of, found);
+    if (report_overlap(of, run->now, found, to)) return;
     if (second && !(found[FRICTION_ROWS + event] > 0)) { /* the friction has vanished */
         of->mode[event] = SMOOTH;
         of->arming = 1;
+        of->restarts++;
     } else {
         decide(run, of, (int)of->happened, to);
     }
@@ -279,8 +323,8 @@ void integrate(Motion *of, double end, Report *to) {
     const int64_t member = 0;
     prepare(&run, of, end, to);
     if (to->status >= ERROR) return;
-    if (MOTION_EVENTS != 0 && of->arming) follow_contacts(&run, of, to);
-    of->restarts = 0;
+    of->restarts = of->total = 0;
+    if (MOTION_EVENTS != 0) follow_contacts(&run, of, to);
     for (int retries = 0; run.status != DONE && to->status < ERROR; retries++) {
         if (run.status == REFUSED || (run.status == STRAYED && !run.trusted)) {
             run.trusted = run.status == STRAYED;
@@ -293,7 +337,7 @@ void integrate(Motion *of, double end, Report *to) {
             retries--;
         }
         if (of->restarts > MOST_IMPACTS) {
-            report(to, ERROR, "More than %d events of contacts in a step at t = %.6g s.", MOST_IMPACTS, run.now);
+            report_endless(&run, to);
             return;
         }
         if (run.status != RUNNING || retries > MOST_RETRIES) {
@@ -312,6 +356,11 @@ void integrate(Motion *of, double end, Report *to) {
     }
     if (to->status >= ERROR) return;
     of->time = end;
+    if (MOTION_EVENTS != 0) {
+        double found[CONTACT_ROWS + 1];
+        evaluate_contacts(&run, of, found);
+        if (report_overlap(of, end, found, to)) return;
+    }
     memcpy(of->shown, of->state, sizeof of->shown);
     if (MOTION_EQUATIONS) {
         memcpy(run.result + MOTION_WIDTH, of->state, sizeof of->state);

@@ -9,6 +9,8 @@ static const double HELD = 1e-6;    /* the same of a contact that has persisted 
 static const double FLIGHT = 2.05;  /* first step after an impact, relative to the estimated flight time */
 static const double STARTING = 10.0; /* speed that counts as zero at the start of slip, over the tolerance */
 static const double BOUNCES = 1e-6; /* impact speed, relative to the fastest one before, below which bodies stay together */
+static const double SPEED_ROUNDED = 1e-7; /* impact speed, relative to the terms of a normal speed, that counts as made: rounding */
+static const double DEEP = 1e-6;    /* overlap, relative to the size of the mechanism, that the caller has to decide about */
 static const double COARSER = 4.0, COARSEST = 1e4; /* by what a cluster of events raises that, and the most */
 enum { PROJECTIONS = 3 }; /* most projections of a state with normal speeds */
 static const double PROMPT = 1e-14; /* time between two turns of a slide, over the larger of the time and 1 s, that is none */
@@ -145,9 +147,11 @@ static void arm(const Problem *p, Group *g) {
 
 enum { UNDECIDED, REBOUNDS, LANDS, LIFTS, STOPS, STARTS };
 
-/* Outcome of a decision: contacts that are hit, and those whose small speed against their slide has to be removed. */
+/* Outcome of a decision: contacts that are hit, and those whose small speed against their slide has to be removed;
+   `pushed`: speeds have jumped from outside, and bodies that did not approach before do not rebound. */
 typedef struct {
     int64_t hits, hit[MOST_CLOSED], turns, turn[MOST_CLOSED];
+    int pushed;
 } Outcome;
 
 static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Outcome *o);
@@ -191,6 +195,19 @@ static int are_at_rest(const Problem *p, const Group *g, int64_t l) {
     return 1;
 }
 
+/* Size of the terms of the normal speed of a contact: a sum over velocities, and the rest. */
+static double terms_of_speed(const Problem *p, const Group *g, int64_t l, int64_t k) {
+    const Contacts *c = p->contacts;
+    int64_t n = p->coordinates, first = c->first[k];
+    double size = 0.0, rest = g->work[c->speed[first]][l];
+    for (int64_t i = 0; i < n; i++) {
+        double term = g->work[c->slope[first * n + i]][l] * g->work[p->velocities + i][l];
+        size += __builtin_fabs(term);
+        rest -= term;
+    }
+    return size + __builtin_fabs(rest);
+}
+
 /* Evaluate the contacts at the states in the work array, in the directions of the closed contacts of some lanes. */
 static void look(const Problem *p, Group *g, Mask which, const int64_t *guards) {
     const Contacts *c = p->contacts;
@@ -201,8 +218,12 @@ static void look(const Problem *p, Group *g, Mask which, const int64_t *guards) 
         if (!which[l]) continue;
         int64_t m = g->member[l];
         for (int64_t k = 0; k < c->events; k++)
-            if (k == guards[l] / 2 || e->mode[m * c->events + k] != OPEN || g->work[c->gap[k]][l] <= TOUCHES * e->length[m])
+            if (k == guards[l] / 2 || e->mode[m * c->events + k] != OPEN || g->work[c->gap[k]][l] <= TOUCHES * e->length[m]) {
                 for (int64_t d = c->first[k]; d < c->first[k + 1]; d++) g->needed[d] |= 1 << l;
+                /* rounding errors of speeds are no speeds, also of a small mechanism */
+                if (c->first[k + 1] > c->first[k])
+                    e->fastest[m] = greatest(e->fastest[m], SPEED_ROUNDED * terms_of_speed(p, g, l, k));
+            }
     }
     find_responses(p, g, which);
 }
@@ -413,7 +434,7 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
     Limit limits[LANES];
     Mask some = {0}, landing = {0}, project = {0}, left = {0};
     for (int64_t l = 0; l < LANES; l++) {
-        outcomes[l].hits = outcomes[l].turns = 0;
+        outcomes[l].hits = outcomes[l].turns = outcomes[l].pushed = 0;
         kinds[l] = which[l] ? kind_of(p, g, l, guards[l]) : UNDECIDED;
         some[l] = kinds[l] == UNDECIDED ? 0 : -1;
     }
@@ -427,7 +448,8 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
             if (!some[l]) continue;
             int64_t k = guards[l] / 2, m = g->member[l];
             several[l] = !is_alone(p, g, l, k) || (kinds[l] == STARTS && g->now[l] <= e->later[m]);
-            if (!are_at_rest(p, g, l)) {
+            int deep = kinds[l] == LANDS && g->work[c->gap[k]][l] < -DEEP * e->length[m];
+            if (deep || !are_at_rest(p, g, l)) {
                 kinds[l] = UNDECIDED;
             } else if (kinds[l] == LANDS) {
                 kinds[l] = several[l] ? decide_blows(p, g, l, k, outcomes + l) : decide_impact(p, g, l, k, outcomes + l);

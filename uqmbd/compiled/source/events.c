@@ -204,15 +204,15 @@ static int64_t has_fallen(const Group *g, int64_t l, int64_t fallen, double begi
     return fallen ? begin <= tiny : begin < -tiny;
 }
 
-/* Note an event that has happened, under its own label or what follows from it. */
+/* Count an event that has happened, and note it, under its own label or what follows from it. */
 static void note(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
     int64_t at = e->noted[m];
+    e->total[m]++;
     if (at >= e->room) return;
     e->mark[m * e->room + at] = event;
     e->mark_labels[m * e->room + at] = label;
     e->mark_times[m * e->room + at] = time;
     e->noted[m]++;
-    e->total[m]++;
 }
 
 /* Note the marks until parts of the step. */

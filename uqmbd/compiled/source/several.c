@@ -54,7 +54,9 @@ static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Ou
         if ((i == k || lasts || g->work[c->gap[i]][l] <= TOUCHES * length) && !add_closed(p, g, l, i, &x)) return UNDECIDED;
     }
     if (!complete(p, g, l, &x)) return UNDECIDED;
-    double approach = greatest(0.0, -x.speed[x.first[own]]);
+    for (int64_t i = 0; i < x.count && o->pushed; i++) x.restitution[i] = 0.0;
+    double approach = 0.0;
+    for (int64_t i = 0; i < x.count; i++) approach = greatest(approach, -x.speed[x.first[i]]);
     e->fastest[m] = greatest(e->fastest[m], approach);
     double slow = slow_speed(e, m), gap = g->work[c->gap[k]][l];
     if (!solve_blows(&x, 1e-3 * slow, &s, impulse, hit)) return UNDECIDED;

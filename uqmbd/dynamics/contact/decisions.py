@@ -236,7 +236,7 @@ class Decisions:
         """Return the state after an impact, with new velocities or a persistent contact."""
         gaps, lasting = contacts.guard[0], self._modes(member)
         closed = [k for k in self.bodies if k == event or k in lasting or gaps[k] <= CLOSED * self.length[member]]
-        approach = max(0.0, -float(contacts.speed[0, contacts.normal(event)]))
+        approach = max(0.0, -float(contacts.speed[0, [contacts.normal(k) for k in closed]].min()))
         self.encounters.fastest[member] = max(self.encounters.fastest[member], approach)
         if (jumped := self._impact(member, time, contacts, closed)) is None:
             return z

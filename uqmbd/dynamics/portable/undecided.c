@@ -17,3 +17,7 @@ int decide_waiting(const Problem *p, const Pool *pool, int64_t member, double *w
     (void)p, (void)pool, (void)member, (void)workspace;
     return 0;
 }
+
+int decide_push(const Problem *p, const Pool *pool, int64_t member, double *workspace) {
+    return decide_waiting(p, pool, member, workspace);
+}

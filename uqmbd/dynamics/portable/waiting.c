@@ -1,14 +1,14 @@
 /* Decisions about events of one realisation: where `advance` leaves them to its caller, and Python decides otherwise. */
 #include "waiting.h"
 
-/* Project the state of the first lane onto its constraints and persistent contacts. */
-static void project_lane(const Problem *p, Group *g) {
-    const Mask which = {-1};
-    copy(g->work, g->z, p->width);
-    g->work[p->time] = smaller(larger(g->now, g->low), g->high);
-    put_on_constraints(p, g, which);
-    put_on_contacts(p, g, which);
-    for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(which & (g->work[i] == g->work[i]), g->work[i], g->z[i]);
+/* Load a realisation into the first lane. */
+static void load_waiting(const Problem *p, const Pool *pool, Group *g, Most *most, int64_t member, double *workspace) {
+    g->most = most;
+    place(p, g, workspace);
+    g->pool = pool;
+    g->work[p->time + 1] = g->size = splat(0.0);
+    for (int64_t l = 0; l < LANES; l++) load_lane(p, pool, g, l, member, l == 0);
+    g->end[0] = INFINITY; /* the decision may be at the end; functions of time are evaluated before it, at g->high */
 }
 
 int decide_waiting(const Problem *p, const Pool *pool, int64_t member, double *workspace) {
@@ -16,21 +16,42 @@ int decide_waiting(const Problem *p, const Pool *pool, int64_t member, double *w
     Most most;
     int64_t guards[LANES];
     Mask left = {-1};
-    g.most = &most;
-    place(p, &g, workspace);
-    g.pool = pool;
-    g.work[p->time + 1] = g.size = splat(0.0);
-    for (int64_t l = 0; l < LANES; l++) {
-        load_lane(p, pool, &g, l, member, l == 0);
-        guards[l] = pool->encounters->happened[member];
-    }
-    g.end[0] = INFINITY; /* the decision may be at the end; functions of time are evaluated before it, at g.high */
+    load_waiting(p, pool, &g, &most, member, workspace);
+    for (int64_t l = 0; l < LANES; l++) guards[l] = pool->encounters->happened[member];
     left = decide_events(p, &g, left, guards);
-    /* steps project states onto persistent contacts to first order, which may leave small normal speeds */
-    for (int64_t k = 0; k < PROJECTIONS && any(left & g.touching); k++) {
-        project_lane(p, &g);
-        left = decide_events(p, &g, left, guards);
-    }
     store_lane(p, pool, &g, 0);
     return !any(left);
+}
+
+int decide_push(const Problem *p, const Pool *pool, int64_t member, double *workspace) {
+    const Encounters *e = pool->encounters;
+    const int64_t k = e->happened[member] / 2;
+    Group g;
+    Most most;
+    Outcome outcomes[LANES];
+    Limit limit;
+    Mask which = {-1};
+    int64_t guards[LANES];
+    int closed = 0;
+    load_waiting(p, pool, &g, &most, member, workspace);
+    for (int64_t l = 0; l < LANES; l++) {
+        guards[l] = 2 * k;
+        outcomes[l].hits = outcomes[l].turns = 0;
+        outcomes[l].pushed = 1;
+    }
+    copy(g.work, g.z, p->width);
+    copy(g.next, g.z, p->width);
+    g.work[p->time] = smaller(larger(g.now, g.low), g.high);
+    look(p, &g, which, guards);
+    if (decide_blows(p, &g, 0, k, outcomes) != LANDS) return 0;
+    copy(g.work, g.next, p->width);
+    look(p, &g, which, guards);
+    if (!decide_all_modes(p, &g, 0, k, LANDS, outcomes, &closed, &limit)) return 0;
+    copy(g.z, g.next, p->width);
+    if (closed) settle(p, &g, which, outcomes);
+    e->since[member] = pool->now[member];
+    e->restarts[member]++;
+    e->arming[member] = 1;
+    store_lane(p, pool, &g, 0);
+    return 1;
 }

@@ -8,4 +8,8 @@
    interval; whether it is decided.  `happened` and `later` of its encounters are those of the caller. */
 int decide_waiting(const Problem *problem, const Pool *pool, int64_t member, double *workspace);
 
+/* Decide about a jump of speeds from outside in closed contacts: those that are pressed stay closed, without restitution,
+   and the others open.  `happened` is the first guard of the contact that approaches fastest. */
+int decide_push(const Problem *problem, const Pool *pool, int64_t member, double *workspace);
+
 #endif
