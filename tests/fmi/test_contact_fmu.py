@@ -198,7 +198,14 @@ def test_speeds_of_supports_that_are_inputs_push_bodies_or_leave_them(feet, tmp_
     assert fmu.set(["speed"], [0.0]) == 0 and fmu.begin() == 0
     found = []
     # the first flight ends 3 / g = 0.306 s after the return, the last one 3 times later
-    for begin, end, speed in ((0, 0.2, 0), (0.2, 0.3, 1), (0.3, 0.5, 1), (0.5, 0.7, -0.5), (0.7, 1.8, -0.5), (1.8, 2, 0)):
+    for begin, end, speed in (
+        (0, 0.2, 0),
+        (0.2, 0.3, 1),
+        (0.3, 0.5, 1),
+        (0.5, 0.7, -0.5),
+        (0.7, 1.8, -0.5),
+        (1.8, 2, 0),
+    ):
         assert fmu.set(["speed"], [speed]) == 0 and fmu.step(begin, end - begin) == 0, fmu.messages
         found.append(fmu.get(["block", "platform"]))
     flight = 0.3 + 0.2 - G * 0.2**2 / 2

@@ -249,17 +249,18 @@ class IntegrationState:
         if self.dynamics.terms:
             members = np.arange(min(len(self.z), LANES))
         queue = self._every if members is None else np.ascontiguousarray(members, dtype=np.int64)
-        call, recorder = self._call, self.recorder
-        running, going = int(ExplicitStatus.RUNNING), True
+        place = self._place_of_every if members is None else address(queue)
+        call, recorder, going = self._call, self.recorder, True
         while going:
-            self.evaluations += call(address(queue), len(queue))
+            self.evaluations += call(place, len(queue))
             if recorder.room:
                 recorder.take()
                 for name in c.RECORDED:
                     setattr(self._pool, name, address(getattr(recorder, name)))
             if watch is not None:
                 watch(self)
-            going = running in (self.status if members is None else self.status[queue])
+            # RUNNING is 0, and the only status without a value
+            going = bool(np.count_nonzero(self.status if members is None else self.status[queue]) < len(queue))
 
     def project(self) -> None:
         """Project the states at the output times onto the constraints; states that were not reached become NaN."""
@@ -302,7 +303,7 @@ class IntegrationState:
         for name in c.POOL:
             rows = getattr(self, name)[one]
             setattr(new, name, rows if name in ("result", "poor") else rows.copy())
-        for name in ("_pool", "_problem", "_every", "_call"):
+        for name in ("_pool", "_problem", "_every", "_place_of_every", "_call"):
             new.__dict__.pop(name, None)
         new.dynamics, new.evaluations = dynamics, 0
         new.recorder = self.recorder.of(member)
@@ -317,6 +318,10 @@ class IntegrationState:
     def _every(self) -> Index:
         """All realisations."""
         return np.arange(len(self.z))
+
+    @cached_property
+    def _place_of_every(self) -> int:
+        return address(self._every)
 
     @cached_property
     def _call(self) -> Callable[[int, int], int]:

@@ -24,8 +24,8 @@ class Sampler(Protocol):
     def control(self) -> SampledControl | None:
         """Return the samples for the driver; None: call `after` at each instant."""
 
-    def answers(self, number: int, measured: Array, states: Array, members: Index) -> Array:
-        """Call the functions of controllers; return their commands and states."""
+    def answers(self, number: int, measured: Array, states: Array, members: Index, found: Array) -> None:
+        """Call the functions of controllers; write their commands and states (M, entry) to `found`."""
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
         """Take a sample that the driver has skipped; return the state (width,), and the reason of a failure."""

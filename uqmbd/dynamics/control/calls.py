@@ -16,6 +16,7 @@ from uqmbd.typing import Array
 __all__ = ["called", "failures", "require_same"]
 
 
+FLOAT = np.dtype(np.float64)
 SAME = 1e-9
 """Allowed difference between results of a whole group and of a part of it, relative to the largest value."""
 
@@ -26,24 +27,31 @@ def called(
     """Call the function of a controller at a time, s; return commands (M, command), states (M, state) and reasons.
 
     The arguments are measurements (M, measured) and states (M, state).  The third result contains the reason of each
-    failed row.  Raises `uqmbd.StudyError` if the function raises, or its result has a wrong shape; `about` is appended
-    to the message.
+    failed row.  The function may own the returned arrays, and change them in its next call.  Raises `uqmbd.StudyError`
+    if the function raises, or its result has a wrong shape; `about` is appended to the message.
     """
-    count, where = len(measured), f"Controller {loop.name!r}"
+    count = len(measured)
     given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())
     assert loop.shipped is not None
     try:
         found = loop.shipped.function(*given)
+        if not loop.states and type(found) is np.ndarray and found.dtype == FLOAT:
+            # most functions; this path takes no time for checks that it does not need
+            width = len(loop.commands)
+            if found.shape == (count, width):
+                return found, measured[:, :0], {}
+            if width == 1 and found.shape == (count,):
+                return found[:, None], measured[:, :0], {}
     except StudyError as error:
-        raise StudyError(f"{where}, at t = {time:.6g} s: {error}") from error
+        raise StudyError(f"Controller {loop.name!r}, at t = {time:.6g} s: {error}") from error
     except Exception as error:
         shapes = f"measured of shape {measured.shape}" + (f" and state of shape {state.shape}" if loop.states else "")
         raise StudyError(
-            f"{where}: its function raised {type(error).__name__}: {error}{_place(error)}, at t = {time:.6g} s with "
-            f"{shapes}{about}. uqmbd calls function(time, measured{', state' * bool(loop.states)}), with a row of the "
-            "arrays for each realisation of a group."
+            f"Controller {loop.name!r}: its function raised {type(error).__name__}: {error}{_place(error)}, at "
+            f"t = {time:.6g} s with {shapes}{about}. uqmbd calls function(time, measured"
+            f"{', state' * bool(loop.states)}), with a row of the arrays for each realisation of a group."
         ) from error
-    reasons: dict[int, str] = {}
+    where, reasons = f"Controller {loop.name!r}", dict[int, str]()
     if isinstance(found, tuple) and found and isinstance(found[-1], dict):
         found, reasons = (found[0] if len(found) == 2 else found[:-1]), _reasons(where, found[-1], count, time)
     if not loop.states:

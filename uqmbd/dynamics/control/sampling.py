@@ -25,6 +25,8 @@ MOST = 1_000_000
 """Largest number of samples of an integration; more samples indicate wrong units."""
 NEAR = 1e-12
 """Time difference, relative to the larger of 1 s and the time, within which two instants are merged."""
+FREQUENT = 6
+"""Number of binary digits of the first samples, of which each calls a function again for single rows."""
 FELT = 1e-14
 """Rate of a constraint residual, in the units of its equation, that counts as rounding."""
 CONTRADICTION = 1e-6
@@ -80,6 +82,8 @@ class Sampling:
         self.bounds = [loop.bounds(batch.values) for loop in self.loops]
         self.near = NEAR * max(1.0, float(np.abs(times).max()))
         self.times, self.acting, self.sampled = _instants(self.loops, times, self.near)
+        # lists, because entries of arrays are slow to read
+        self.instants, self.listed = self.times.tolist(), self.sampled.tolist()
         self.waiting: dict[tuple[int, int], tuple[Array, Index]] = {}
         self.functions, self.entries = _functions(self.loops, batch.model.layout.coordinates)
 
@@ -147,8 +151,8 @@ class Sampling:
         numbers = np.concatenate([self.batch.block, self.batch.values], axis=1)
         return SampledControl(laws, self.times, acting, sampled, direct, numbers, low, high, int(first[-1]))
 
-    def answers(self, number: int, measured: Array, states: Array, members: Index) -> Array:
-        """Call the functions that are sampled at an instant.
+    def answers(self, number: int, measured: Array, states: Array, members: Index, found: Array) -> None:
+        """Call the functions that are sampled at an instant; write their results to `found`.
 
         Parameters
         ----------
@@ -160,25 +164,21 @@ class Sampling:
             States right before the instant.
         members : array of int, shape (M,)
             Indices of these realisations in the batch.
-
-        Returns
-        -------
-        array, shape (M, entry)
+        found : array, shape (M, entry)
             Commands and new states of each controller, one after the other.
         """
-        time, found = float(self.times[number]), np.empty((len(members), self.entries))
-        sampled = self.sampled[number].tolist()
+        time, sampled = self.instants[number], self.listed[number]
         for k, seen, memory, commands, kept in self.functions:
-            if sampled[k] < 0:
+            if (sample := sampled[k]) < 0:
                 continue
-            state = states[:, memory] if len(memory) else found[:, :0]
-            found[:, commands], found[:, kept], reasons = self._called(
-                self.loops[k], sampled[k], time, measured[:, seen], state, members
-            )
+            loop, own = self.loops[k], measured[:, seen]
+            state = states[:, memory] if loop.states else found[:, :0]
+            found[:, commands], found[:, kept], reasons = called(loop, time, own, state)
+            if parts := _parts(sample, own):
+                self._verify(loop, time, own, state, (found[:, commands], found[:, kept]), parts)
             # the driver skips a sample without a value; `alone` takes it and states the reason
             for row in reasons:
                 found[row, commands] = np.nan
-        return found
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
         """Take a sample that the driver has skipped; return the state and the reason of a failure.
@@ -239,12 +239,26 @@ class Sampling:
             about = np.full((len(measured), 1), time), measured, state, self.batch.values[members]
             results = loop.law(np.concatenate(about, axis=1))
             return results[:, : len(loop.commands)], results[:, len(loop.commands) :], {}
-        found, count = called(loop, time, measured, state), len(measured)
-        for part in _parts(sample, measured):
+        commands, kept, reasons = called(loop, time, measured, state)
+        found = commands.copy(), kept.copy()
+        self._verify(loop, time, measured, state, found, _parts(sample, measured))
+        return *found, reasons
+
+    def _verify(
+        self,
+        loop: ControlLoop,
+        time: float,
+        measured: Array,
+        state: Array,
+        found: tuple[Array, Array],
+        parts: Sequence[slice],
+    ) -> None:
+        """Call a function again with parts of a group; raise unless it returns equal commands and states."""
+        count = len(measured)
+        for part in parts:
             some = measured[part]
             again = called(loop, time, some, state[part], f", called again for {len(some)} of {count}")
-            require_same(loop, time, [x[part] for x in found[:2]], again[:2], count)
-        return found
+            require_same(loop, time, [x[part] for x in found], again[:2], count)
 
     def jumps(
         self, time: float, states: Array, members: Index, before: Array | None = None
@@ -328,14 +342,14 @@ def _with_state_columns(bounds: Array, states: int) -> Array:
 def _parts(sample: int, measured: Array) -> list[slice]:
     """Return rows for second calls of a function, which test that the results of a row do not depend on other rows.
 
-    The samples 0, 1, 2, 4, 8, ... use every second row. Every sample also uses, one by one, the rows with the least and
-    the greatest value of a measurement. A condition on any or all rows of a group has a different result for one of
-    them.
+    The samples 0, 1, 2, 4, 8, ... use every second row. The first 64 samples, and later every second to sixteenth one,
+    use two single rows: those with the least and the greatest value of a measurement. A condition on any or all rows of
+    a group has a different result for one of them.
     """
-    count = len(measured)
+    count, step = len(measured), min(4, max(0, sample.bit_length() - FREQUENT))
     parts = [slice(None, None, -2 if count > 1 else 1)] if count and sample & (sample - 1) == 0 else []
-    if count > 1:
-        column = measured[:, sample % measured.shape[1]]
+    if count > 1 and not sample & ((1 << step) - 1):
+        column = measured[:, (sample >> step) % measured.shape[1]]
         parts += [slice(k, k + 1) for k in {int(column.argmin()): 0, int(column.argmax()): 0}]
     return parts
 

@@ -197,9 +197,8 @@ class Integration:
         self._stop(every, begin)
         while True:
             self.main.advance(watch=self.pace.watch)
-            if not self.others and self._all_wait():
-                self._answer_all()
-                continue
+            if not self.others:
+                self._answer_together()
             status, now = self.main.status.copy(), self.main.now.copy()
             for member, other in self.others.items():
                 other.advance(watch=self.pace.watch)
@@ -305,19 +304,19 @@ class Integration:
             pool.z[k] = pool.nodes[k, -1] = after[rows]
             pool.result[np.ix_(k, at)] = after[rows, None]
 
-    def _all_wait(self) -> bool:
-        """Return whether all members wait for functions of controllers at the same time."""
-        main = self.main
-        return bool(len(main.status) and (main.status == ASKED).all() and (main.now == main.now[0]).all())
-
-    def _answer_all(self) -> None:
-        """Call the functions of controllers for all members."""
-        main, control = self.main, self.control
-        assert self.sampling is not None and control is not None
-        number = self.sampled[float(main.now[0])]
-        control.answers[:] = self.sampling.answers(number, control.measured, main.z, self.every)
-        control.answered[:] = 1
-        main.status[:] = RUNNING
+    def _answer_together(self) -> None:
+        """Call the functions of controllers as long as all members wait for them at the same time."""
+        main, control, sampling = self.main, self.control, self.sampling
+        if control is None or sampling is None or not len(main.status):
+            return
+        count, status, instants = len(main.status), main.status, control.instant
+        waiting = np.full(count, ASKED).tobytes()
+        # comparisons of bytes take less time than those of arrays
+        while status.tobytes() == waiting and instants.tobytes() == instants[:1].tobytes() * count:
+            sampling.answers(int(instants[0]), control.measured, main.z, self.every, control.answers)
+            control.answered.fill(1)
+            status.fill(RUNNING)
+            main.advance(watch=self.pace.watch)
 
     def _answer(self, members: Index, now: Array) -> None:
         """Call the functions of controllers for the members that wait at the earliest sample."""
@@ -329,7 +328,8 @@ class Integration:
         for pool, k, rows in parts:
             assert pool.control is not None
             states[rows], measured[rows] = pool.z[k], pool.control.measured[k]
-        answers = self.sampling.answers(self.sampled[time], measured, states, members)
+        answers = np.empty_like(self.control.answers[: len(members)])
+        self.sampling.answers(self.sampled[time], measured, states, members, answers)
         for pool, k, rows in parts:
             assert pool.control is not None
             pool.control.answers[k], pool.control.answered[k] = answers[rows], 1

@@ -50,21 +50,25 @@ CHUNK, LARGEST, LARGEST_AT_REST = 64, 512, 8192
 CHUNKS = 16
 """Minimum number of chunks if a chunk has more than `CHUNK` realisations."""
 
+CHUNKS_CALLED = 2
+"""The same, if controllers have functions: a call takes about the same time for any number of realisations."""
+
 NUMBERS = 1 << 21
 """Maximum number of state and output values (8 bytes each) in a chunk of more than `CHUNK` realisations."""
 
 
-def chunk_size(count: int, numbers: int, largest: int = LARGEST) -> int:
+def chunk_size(count: int, numbers: int, largest: int = LARGEST, chunks: int = CHUNKS) -> int:
     """Return the number of realisations in a chunk, a power of two: 64 for few or large realisations.
 
     `count` is the number of all realisations; `numbers` is the number of state and output values of one realisation
-    over all times. Larger chunks reduce the overhead of Python per realisation; threads wait for each other during this
-    overhead. Only sample indices determine chunks, so results do not depend on the workers or on their number.
+    over all times. Chunks have more than 64 realisations only if there are at least `chunks` of them. Larger chunks
+    reduce the overhead of Python per realisation; threads wait for each other during this overhead. Only sample indices
+    determine chunks, so results do not depend on the workers or on their number.
 
     >>> chunk_size(500, 1400), chunk_size(50_000, 1400), chunk_size(50_000, 20_000)
     (64, 512, 64)
     """
-    most = min(count // CHUNKS, NUMBERS // max(numbers, 1), largest)
+    most = min(count // chunks, NUMBERS // max(numbers, 1), largest)
     return max(CHUNK, 1 << (most.bit_length() - 1)) if most else CHUNK
 
 
@@ -74,7 +78,8 @@ def chunk_size_of(model: Model, means: Array, times: Array, count: int) -> int:
     Without a motion, matrices of all realisations are in memory at once, and chunks of small mechanisms may be larger.
     """
     if model.outputs.names or needs_motion(model, "scalars"):
-        return chunk_size(count, numbers_of(model, means, times))
+        called = any(loop.law is None for loop in model.controls)
+        return chunk_size(count, numbers_of(model, means, times), chunks=CHUNKS_CALLED if called else CHUNKS)
     matrix = NUMBERS // max(model.layout.unknowns, 1) ** 2
     return chunk_size(count, 1, min(max(matrix, LARGEST), LARGEST_AT_REST))
 
