@@ -328,11 +328,11 @@ class IntegrationState:
         """Function that runs the realisations of a queue, given the address and the length of the queue."""
         functions, problem, pool = load_driver(), self._problem, self._pool
         workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
-        places = ctypes.addressof(problem), ctypes.addressof(pool), address(workspace)
-        budget = max(1, BUDGET // self.dynamics.cost)
+        places = ctypes.addressof(problem), ctypes.addressof(pool)
+        place, budget, advance = address(workspace), max(1, BUDGET // self.dynamics.cost), functions.advance
 
         def call(queue: int, count: int) -> int:
-            found: int = functions.advance(*places[:2], queue, count, places[2], budget)
+            found: int = advance(*places, queue, count, place, budget)
             return found
 
         vars(call)["kept"] = workspace

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from uqmbd.compiled import SampledControl
@@ -24,8 +25,8 @@ class Sampler(Protocol):
     def control(self) -> SampledControl | None:
         """Return the samples for the driver; None: call `after` at each instant."""
 
-    def answers(self, number: int, measured: Array, states: Array, members: Index, found: Array) -> None:
-        """Call the functions of controllers; write their commands and states (M, entry) to `found`."""
+    def answering(self, measured: Array, states: Array, members: Index, found: Array) -> Callable[[int], None]:
+        """Return a function of an instant that writes commands and states of controllers to `found` (M, entry)."""
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
         """Take a sample that the driver has skipped; return the state (width,), and the reason of a failure."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -151,13 +151,13 @@ class Sampling:
         numbers = np.concatenate([self.batch.block, self.batch.values], axis=1)
         return SampledControl(laws, self.times, acting, sampled, direct, numbers, low, high, int(first[-1]))
 
-    def answers(self, number: int, measured: Array, states: Array, members: Index, found: Array) -> None:
-        """Call the functions that are sampled at an instant; write their results to `found`.
+    def answering(self, measured: Array, states: Array, members: Index, found: Array) -> Callable[[int], None]:
+        """Return a function of an instant that calls the functions of controllers; it writes their results to `found`.
+
+        The function reads the present values of the arrays, so that one serves for all instants of these realisations.
 
         Parameters
         ----------
-        number : int
-            Index of the instant in `times`.
         measured : array, shape (M, measured)
             Measured values of all functions.
         states : array, shape (M, width)
@@ -167,18 +167,28 @@ class Sampling:
         found : array, shape (M, entry)
             Commands and new states of each controller, one after the other.
         """
-        time, sampled = self.instants[number], self.listed[number]
-        for k, seen, memory, commands, kept in self.functions:
-            if (sample := sampled[k]) < 0:
-                continue
-            loop, own = self.loops[k], measured[:, seen]
-            state = states[:, memory] if loop.states else found[:, :0]
-            found[:, commands], found[:, kept], reasons = called(loop, time, own, state)
-            if parts := _parts(sample, own):
-                self._verify(loop, time, own, state, (found[:, commands], found[:, kept]), parts)
-            # the driver skips a sample without a value; `alone` takes it and states the reason
-            for row in reasons:
-                found[row, commands] = np.nan
+        parts = [
+            (k, measured[:, seen], memory, found[:, sent], found[:, kept])
+            for k, seen, memory, sent, kept in self.functions
+        ]
+
+        def answer(number: int) -> None:
+            time, sampled = self.instants[number], self.listed[number]
+            for k, own, memory, commands, kept in parts:
+                if (sample := sampled[k]) < 0:
+                    continue
+                loop = self.loops[k]
+                state = states[:, memory] if loop.states else kept
+                commands[:], new, reasons = called(loop, time, own, state)
+                if loop.states:
+                    kept[:] = new
+                if rows := _parts(sample, own):
+                    self._verify(loop, time, own, state, (commands, kept), rows)
+                # the driver skips a sample without a value; `alone` takes it and states the reason
+                for row in reasons:
+                    commands[row] = np.nan
+
+        return answer
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
         """Take a sample that the driver has skipped; return the state and the reason of a failure.

@@ -310,10 +310,12 @@ class Integration:
         if control is None or sampling is None or not len(main.status):
             return
         count, status, instants = len(main.status), main.status, control.instant
-        waiting = np.full(count, ASKED).tobytes()
+        waiting, answer = np.full(count, ASKED).tobytes(), None
         # comparisons of bytes take less time than those of arrays
         while status.tobytes() == waiting and instants.tobytes() == instants[:1].tobytes() * count:
-            sampling.answers(int(instants[0]), control.measured, main.z, self.every, control.answers)
+            if answer is None:
+                answer = sampling.answering(control.measured, main.z, self.every, control.answers)
+            answer(int(instants[0]))
             control.answered.fill(1)
             status.fill(RUNNING)
             main.advance(watch=self.pace.watch)
@@ -329,7 +331,7 @@ class Integration:
             assert pool.control is not None
             states[rows], measured[rows] = pool.z[k], pool.control.measured[k]
         answers = np.empty_like(self.control.answers[: len(members)])
-        self.sampling.answers(self.sampled[time], measured, states, members, answers)
+        self.sampling.answering(measured, states, members, answers)(self.sampled[time])
         for pool, k, rows in parts:
             assert pool.control is not None
             pool.control.answers[k], pool.control.answered[k] = answers[rows], 1
