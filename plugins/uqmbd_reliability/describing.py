@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 import uqmbd
 from uqmbd.extend import requirements_dataset
-from uqmbd.results import requirement_names
+from uqmbd.results import clopper_pearson, requirement_names
 from uqmbd.typing import Array
 from uqmbd_reliability.analysis import Analysis
 from uqmbd_reliability.estimating import derivatives, with_any
@@ -81,18 +81,42 @@ def described(
             {"long_name": "standard error of the derivative of the probability"},
         ),
     }
+    lower, upper = (np.array([getattr(one, end) for one in estimates]) for end in ("lower", "upper"))
+    by = np.minimum(by, 1.0)
     data = requirements_dataset(
         requirements,
         violation_probability=probability,
         std_error=[one.error for one in estimates],
-        lower=[one.lower for one in estimates],
-        upper=[one.upper for one in estimates],
+        lower=lower,
+        upper=upper,
         times=times,
-        violated_by=np.minimum(by, 1.0),
+        violated_by=by,
+        violated_by_interval=_intervals_over_time(by, violations, lower, upper, dependent=found.dependent),
         variables=variables,
         attrs=attrs,
     )
     return data.assign_coords({**problem.labels.input_coords(), "moment": ["mean", "standard deviation"]})
+
+
+def _intervals_over_time(
+    by: Array, violations: Array, lower: Array, upper: Array, *, dependent: bool
+) -> tuple[Array, Array]:
+    """Return intervals (R, T) of the probabilities `by` (R, T) of a violation until each time.
+
+    They are products of the interval of the whole motion, `lower` and `upper` (R,), and of the interval of the share of
+    its violations that have happened by a time. The share is a weighted count; `violations` (N, R) are the weights.
+    The share is unknown between 0 and 1 if samples are dependent.
+    """
+    total, square = violations.sum(axis=0), (violations**2).sum(axis=0)
+    trials = np.where(square > 0, total**2 / np.where(square > 0, square, 1.0), 0.0)[:, None]
+    last = by[:, -1:]
+    share = np.clip(by / np.where(last > 0, last, 1.0), 0.0, 1.0)
+    least, most = clopper_pearson(share * trials, np.broadcast_to(trials, share.shape))
+    if dependent:
+        least, most = np.zeros_like(share), np.ones_like(share)
+    low, high = least * lower[:, None], most * upper[:, None]
+    low[:, -1], high[:, -1] = lower, upper
+    return np.minimum(low, by), np.maximum(high, by)
 
 
 def _design_points(

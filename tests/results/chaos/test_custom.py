@@ -117,7 +117,7 @@ def test_probabilities_without_verification_are_not_known():
     chaos = CustomSurrogate(Formula(0.5, TIMES), SPACE, AXES)
     both = [Requirement(name, name, "x > 0", over_time=True) for name in ("x", "y")]
     end = chaos.selected(times=[2])
-    found = sampled_requirements(both, np.array([False, False]), end, chaos)
+    found = sampled_requirements(both, np.array([False, False]), lambda k: end, chaos)
     assert found["interval"].values.tolist() == [[0, 1]] * 3
 
 

@@ -51,7 +51,7 @@ def violated_by(results: Results) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Figure with axes for each of the first twelve requirements; the 95 % interval of the whole motion is at the end.
+        Figure with axes for each of the first twelve requirements, with 95 % intervals.
 
     Raises
     ------
@@ -77,7 +77,8 @@ def violated_by(results: Results) -> Figure:
 def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
     """Chart the probability of violation until each time by each method, with one chart for each requirement.
 
-    The 95 % interval of the probability of the whole motion is at the end. Return None if no probability grows.
+    Bands are 95 % intervals at each time; a bar at the end is the interval of the whole motion. Return None if no
+    probability grows.
     """
     found = _requirements_chart(nodes)
     names = _growing(found)
@@ -133,7 +134,12 @@ def _violation(name: str, found: Mapping[str, xr.Dataset]) -> Chart:
         last = len(times) - 1 - int(np.isfinite(values)[::-1].argmax())
         interval = 100 * np.asarray(data["interval"].values, dtype=float)
         low, high = (np.where(np.arange(len(times)) == last, end, np.nan) for end in interval)
-        curves.append(Curve(label, values, (Band("95 % interval of the whole motion", low, high, True),), "violated"))
+        bands = [Band("95 % interval of the whole motion", low, high, True)]
+        if name != "requirements" and "violated_by_interval" in data:
+            ends = data["violated_by_interval"]
+            low, high = (100 * at_times(data, times, ends.sel(bound=end).values) for end in ("lower", "upper"))
+            bands.insert(0, Band("95 % interval at each time", low, high))
+        curves.append(Curve(label, values, tuple(bands), "violated"))
         # the height of the axes ignores an interval up to 100 %, beside which the curve would not be visible
         tops += [float(np.nanmax(values, initial=0.0)), float(interval[1]) if interval[1] < 100 else 0.0]
         last_values.append(float(np.nanmax(values, initial=0.0)))

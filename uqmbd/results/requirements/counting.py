@@ -124,28 +124,28 @@ class Violations:
         whole = replicates[0]
         for one in replicates[1:]:
             whole = whole + one
-        happened, good = whole.by_time[:, -1], whole.total - whole.failed
+        happened, good = whole.by_time, whole.total - whole.failed
         lower, _ = clopper_pearson(happened, whole.total)
         _, upper = clopper_pearson(happened + whole.failed, whole.total)
         share = whole.share
-        probability = share[:, -1]
-        error, how = np.sqrt(probability * (1 - probability) / max(good, 1)), "counts of independent realisations"
+        error, how = np.sqrt(share * (1 - share) / max(good, 1)), "counts of independent realisations"
         if len(replicates) > 1:
-            shares = np.stack([one.share[:, -1] for one in replicates])
+            shares = np.stack([one.share for one in replicates])
             error, low, high = of_replicates(shares, good, lower, upper)
             lower, upper = failures_in(low, high, whole.failed / whole.total)
-            lower, upper = np.minimum(lower, probability), np.maximum(upper, probability)
+            lower, upper = np.minimum(lower, share), np.maximum(upper, share)
             how = f"spread over {len(replicates)} replicates"
         about: dict[str, Any] = {"realisations": whole.total, "failed": whole.failed, "how": how}
-        found = {"violations": (("requirement",), happened, {"long_name": "realisations that violate it"})}
+        found = {"violations": (("requirement",), happened[:, -1], {"long_name": "realisations that violate it"})}
         return requirements_dataset(
             requirements,
-            violation_probability=probability,
-            std_error=error,
-            lower=lower,
-            upper=upper,
+            violation_probability=share[:, -1],
+            std_error=error[:, -1],
+            lower=lower[:, -1],
+            upper=upper[:, -1],
             times=times,
             violated_by=share,
+            violated_by_interval=(lower, upper),
             variables=found,
             attrs=about,
         )

@@ -53,6 +53,7 @@ def requirements_dataset(
     std_error: ArrayLike | None = None,
     times: ArrayLike | None = None,
     violated_by: ArrayLike | None = None,
+    violated_by_interval: tuple[ArrayLike, ArrayLike] | None = None,
     variables: Mapping[str, tuple[Any, ...]] | None = None,
     attrs: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
@@ -71,6 +72,9 @@ def requirements_dataset(
         Output times in s of `violated_by`.
     violated_by : array_like, shape (requirement, T), optional
         Probability of a violation until each time.
+    violated_by_interval : tuple of two array_like, shape (requirement, T), optional
+        Lower and upper ends of the 95 % intervals of `violated_by`. Default: the intervals before the last time are
+        unknown.
     variables, attrs : mapping, optional
         Further variables, as for `xarray.Dataset`, and attributes.
 
@@ -91,6 +95,8 @@ def requirements_dataset(
     0.04
     """
     names = requirement_names(requirements)
+    if violated_by_interval is not None and violated_by is None:
+        raise StudyError("violated_by_interval is given without violated_by; expected both or neither.")
     known = {r.name: r for r in requirements if not isinstance(r, str)}
     shape, dims = (len(names),), ("requirement",)
     probability = real_numbers("violation_probability", violation_probability)
@@ -139,6 +145,20 @@ def requirements_dataset(
         check_shape("violated_by", over_time, (*shape, len(grid)), (*dims, "time"))
         about = {"long_name": "probability of a violation up to each time", "units": "1"}
         data["violated_by"] = ((*dims, "time"), over_time, about)
+        if violated_by_interval is not None:
+            low, high = (real_numbers("violated_by_interval", end) for end in violated_by_interval)
+            for end in (low, high):
+                check_shape("violated_by_interval", end, over_time.shape, (*dims, "time"))
+            outside = ~((low >= 0) & (low <= over_time + 1e-12) & (over_time <= high + 1e-12) & (high <= 1))
+            if (outside & np.isfinite(over_time)).any():
+                k, n = (int(x) for x in np.argwhere(outside & np.isfinite(over_time))[0])
+                raise StudyError(
+                    f"requirement {names[k]!r}: the probability until t = {grid[n]:g} s is {over_time[k, n]:g}, and "
+                    f"its interval is {low[k, n]:g} to {high[k, n]:g}; expected an interval within 0 to 1 that "
+                    "contains the probability."
+                )
+            about = {"long_name": f"{LEVEL:.0%} interval of violated_by", "level": LEVEL, "units": "1"}
+            data["violated_by_interval"] = ((*dims, "bound", "time"), np.stack([low, high], axis=1), about)
         coords["time"] = ("time", grid, {"units": "s", "long_name": "time"})
     return xr.Dataset({**data, **(variables or {})}, coords=coords, attrs=dict(attrs or {}))
 

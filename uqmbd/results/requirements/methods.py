@@ -64,7 +64,7 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
         # `failed_share` is weighted: realisations that a method places in the tails have smaller weights
         lost = float(node.attrs.get("failed_share", counted))
         return sampled_requirements(
-            requirements, late, surrogate(node, times=[len(times) - 1]), surrogate(node), lost, 0
+            requirements, late, lambda k: surrogate(node, times=[k % len(times)]), surrogate(node), lost, 0
         )
     if "samples" in node.children:
         samples = node.children["samples"].to_dataset()

@@ -21,7 +21,8 @@ interval of this probability, with the effective number of trials of the weights
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +46,9 @@ SAMPLES = 1 << 17
 FEWER = 1 << 14
 """Number of samples for probabilities over time."""
 
+MOST_TIMES = 33
+"""Maximum number of times at which an interval is computed; other times have bounds from their neighbours."""
+
 ROWS = 4096
 """Number of samples that are evaluated at once."""
 
@@ -64,39 +68,28 @@ HIGHEST = 8
 def sampled_requirements(
     requirements: Sequence[Requirement],
     late: NDArray[np.bool_],
-    at_end: Surrogate,
+    at: Callable[[int], Surrogate],
     over_time: Surrogate,
     lost: float = 0.0,
     seed: int = 0,
 ) -> xr.Dataset:
     """Build the dataset ``requirements`` of a propagator's node from a surrogate of margins.
 
-    `late` (requirement,): whether margins are known only at the end; `at_end`, `over_time`: surrogates of the running
-    margins at the last output time and at all output times; `lost`: share of failed realisations; `seed`: seed of the
-    samples. The variable ``uncertain (requirement)`` is the share of samples whose margin the error of the
+    `late` (requirement,): whether margins are known only at the end; `at`, `over_time`: surrogates of the running
+    margins at the output time of an index, and at all output times; `lost`: share of failed realisations; `seed`: seed
+    of the samples. The variable ``uncertain (requirement)`` is the share of samples whose margin the error of the
     surrogate can move across the limit. Attributes of the dataset are ``samples``, ``verification`` (number of
     realisations) and ``failed`` (share). Without verification realisations, every interval is from 0 to 1.
     """
+    at_end = at(-1)
     margins = _sampled(at_end, SAMPLES, seed)
     verified = at_end.verification_germs is not None and at_end.verification_response is not None
-    bands = margin_bands(at_end, margins) if verified else np.full_like(margins, np.inf)
-    count = len(margins)
-    happened, least, most = (
-        events((margins + shift)[:, :, None])[:, :, 0].sum(axis=0) for shift in (0.0, bands, -bands)
-    )
-    probability = happened / count
-    inaccurate: list[str] = []
-    if verified:
-        lower, upper = clopper_pearson(least, count)[0], clopper_pearson(most, count)[1]
-        down, up, followed = signs_allow(at_end, margins)
-        lower = np.where(followed, lower, np.minimum(lower, np.maximum(probability - down, 0)))
-        upper = np.where(followed, upper, np.maximum(upper, np.minimum(probability + up, 1)))
-        lower, upper = failures_in(lower, upper, lost)
-        inaccurate = [r.name for r, f in zip(requirements, followed, strict=False) if not f]
-    else:
-        lower, upper = np.zeros(len(happened)), np.ones(len(happened))
+    whole = _sampled_probability(at_end, margins, lost, verified)
+    probability, lower, upper, count = whole.probability, whole.lower, whole.upper, len(margins)
+    inaccurate = [r.name for r, f in zip(requirements, whole.followed, strict=False) if not f]
     times = over_time.labels.times
     by_time = _over_time(over_time, late, probability, seed)
+    intervals = None if times is None else _intervals_over_time(at, late, by_time, whole, lost, seed)
     verification = 0 if at_end.verification_germs is None else len(at_end.verification_germs)
     about: dict[str, Any] = {"samples": count, "verification": verification, "failed": float(lost)}
     about["how"] = f"{count} samples of the surrogate" + (
@@ -109,20 +102,96 @@ def sampled_requirements(
         about["how"] += f"; for {names} the surrogate is inaccurate, and only the signs of its margins are reliable"
     near = (
         ("requirement",),
-        (most - least) / count,
+        whole.uncertain,
         {"long_name": "share of samples whose margin the error can move across the limit"},
     )
     return requirements_dataset(
         requirements,
         violation_probability=probability,
         std_error=np.sqrt(probability * (1 - probability) / count),
-        lower=np.minimum(lower, probability),
-        upper=np.maximum(upper, probability),
+        lower=lower,
+        upper=upper,
         times=times,
         violated_by=by_time if times is not None else None,
+        violated_by_interval=intervals,
         variables={"uncertain": near},
         attrs=about,
     )
+
+
+@dataclass(frozen=True)
+class _SampledProbability:
+    """Probabilities (event,) of violation from samples of a surrogate, and their intervals."""
+
+    probability: Array
+    lower: Array
+    upper: Array
+    uncertain: Array  # share of samples whose margin the error can move across the limit
+    followed: NDArray[np.bool_]  # whether the surrogate follows the margin
+
+
+def _sampled_probability(
+    chaos: Surrogate, margins: Array, lost: float, verified: bool, late: NDArray[np.bool_] | None = None
+) -> _SampledProbability:
+    """Return probabilities and intervals from samples (K, requirement) of the margins of a surrogate at one time.
+
+    `late` (requirement,): margins that are not known at this time, so that they are not violated.
+    """
+    count = len(margins)
+    bands = margin_bands(chaos, margins) if verified else np.full_like(margins, np.inf)
+    unknown = np.zeros(margins.shape[1], dtype=bool) if late is None else late
+    happened, least, most = (
+        events(np.where(unknown, np.inf, margins + shift)[:, :, None])[:, :, 0].sum(axis=0)
+        for shift in (0.0, bands, -bands)
+    )
+    probability, size = happened / count, len(happened)
+    near = (most - least) / count
+    if not verified:
+        return _SampledProbability(probability, np.zeros(size), np.ones(size), near, np.ones(size, dtype=bool))
+    lower, upper = clopper_pearson(least, count)[0], clopper_pearson(most, count)[1]
+    down, up, followed = signs_allow(chaos, margins)
+    lower = np.where(followed, lower, np.minimum(lower, np.maximum(probability - down, 0)))
+    upper = np.where(followed, upper, np.maximum(upper, np.minimum(probability + up, 1)))
+    lower, upper = failures_in(lower, upper, lost)
+    lower, upper = np.minimum(lower, probability), np.maximum(upper, probability)
+    return _SampledProbability(probability, lower, upper, near, followed)
+
+
+def _intervals_over_time(
+    at: Callable[[int], Surrogate],
+    late: NDArray[np.bool_],
+    by_time: Array,
+    whole: _SampledProbability,
+    lost: float,
+    seed: int,
+) -> tuple[Array, Array]:
+    """Return intervals (event, T) of the probabilities `by_time` (event, T) of a violation until each time.
+
+    Intervals are computed at `MOST_TIMES` times at most. A violation is permanent, so the probability at a time between
+    two of them lies between the lower end at the time before and the upper end at the time after. The same bounds apply
+    where the surrogate does not follow the margin, such as at the start, where margins may not vary.
+    """
+    last = by_time.shape[1] - 1
+    chosen = np.unique(np.linspace(0, last, min(last + 1, MOST_TIMES)).round().astype(int))
+    lower, upper = np.empty((len(by_time), len(chosen))), np.empty((len(by_time), len(chosen)))
+    followed, germs = np.empty(lower.shape, dtype=bool), None
+    for k, index in enumerate(chosen[:-1]):
+        chaos = at(int(index))
+        germs = spread_germs(chaos.space, FEWER, seed) if germs is None else germs
+        verified = chaos.verification_germs is not None and chaos.verification_response is not None
+        found = _sampled_probability(chaos, margins_of(chaos, germs), lost, verified, late)
+        lower[:, k], upper[:, k], followed[:, k] = found.lower, found.upper, found.followed
+    known_late = [k for k, unknown in enumerate(late) if unknown]
+    lower[known_late], upper[known_late] = 0.0, 0.0  # by definition not violated before the end
+    lower[:, -1], upper[:, -1], followed[:, -1] = whole.lower, whole.upper, whole.followed
+    for k in range(1, len(chosen)):
+        lower[:, k] = np.where(followed[:, k], lower[:, k], np.maximum(lower[:, k], lower[:, k - 1]))
+        upper[:, -k - 1] = np.where(followed[:, -k - 1], upper[:, -k - 1], np.minimum(upper[:, -k - 1], upper[:, -k]))
+    before = np.searchsorted(chosen, np.arange(last + 1), side="right") - 1
+    after = np.searchsorted(chosen, np.arange(last + 1))
+    low, high = lower[:, before], upper[:, after]
+    high[known_late, :-1] = 0.0
+    return np.minimum(low, by_time), np.maximum(high, by_time)
 
 
 def _sampled(chaos: Surrogate, samples: int, seed: int) -> Array:

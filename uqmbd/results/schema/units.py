@@ -63,7 +63,7 @@ _ROLES: Mapping[Role, tuple[str, ...]] = {
         ),
         *("censored", "censored_bound", "verification_weights", "verification_germs", "germs"),
         *("mean_relative_l2", "std_relative_l2", "own_error", "stated_error_max", "detectable", "ks", "ks_by_chance"),
-        *("violation_probability", "violated_by"),
+        *("violation_probability", "violated_by", "violated_by_interval"),
     ),
 }
 _ROLE = {name: role for role, names in _ROLES.items() for name in names}

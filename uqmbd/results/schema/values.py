@@ -256,7 +256,11 @@ def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) ->
     def refuse(name: str, bad: xr.Variable, found: str | Array, expected: str) -> None:
         _refuse(f"{path}/{name}", bad.values, bad.dims, data, found, expected)
 
-    for name in (n for n in ("violation_probability", "std_error", "interval", "violated_by") if n in variables):
+    for name in (
+        n
+        for n in ("violation_probability", "std_error", "interval", "violated_by", "violated_by_interval")
+        if n in variables
+    ):
         _check_real(variables[name], f"{path}/{name}", data)
     ends, probability, error = (variables[n] for n in ("interval", "violation_probability", "std_error"))
     lower, upper = _ends(ends, f"{path}/interval")
@@ -275,6 +279,11 @@ def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) ->
         by = variables["violated_by"]
         bad = ~((by >= 0) & (by <= 1)) & ~(by.isnull() & (probability.isnull() | before))
         refuse("violated_by", bad.transpose(*by.dims), by.values, "a probability from 0 to 1")
+    if "violated_by" in variables and "violated_by_interval" in variables:
+        low, high = _ends(variables["violated_by_interval"], f"{path}/violated_by_interval")
+        off = ~((low >= 0) & (low <= by + 1e-9) & (by <= high + 1e-9) & (high <= 1)) & ~by.isnull()
+        found = "a probability outside of its interval"
+        refuse("violated_by_interval", off.transpose(*by.dims), found, "an interval within 0 to 1 around 'violated_by'")
 
 
 def _ends(data: xr.Variable, where: str) -> tuple[xr.Variable, xr.Variable]:
