@@ -5,7 +5,6 @@ from .accuracy import stated_accuracy as stated_accuracy
 from .alignment import align as align
 from .assessment import LEVELS as LEVELS
 from .assessment import Assessment as Assessment
-from .assessment import OutputReliability as OutputReliability
 from .assessment import assess as assess
 from .costs import error_against_cost as error_against_cost
 from .coupled import coupled_systems as coupled_systems
@@ -25,6 +24,7 @@ from .own_errors import NO_SPREAD as NO_SPREAD
 from .own_errors import NO_VARIATION as NO_VARIATION
 from .recommendation import recommend as recommend
 from .recommendation import recommended as recommended
+from .reliability import OutputReliability as OutputReliability
 from .verdicts import AGREES as AGREES
 from .verdicts import DIFFERS as DIFFERS
 from .verdicts import REFERENCE as REFERENCE
