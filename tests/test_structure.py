@@ -39,8 +39,8 @@ STATEMENTS = {
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_840,
     "uqmbd.randomness": 5_590,
-    "uqmbd.report": 8_690,
-    "uqmbd.results": 9_800,
+    "uqmbd.report": 8_700,
+    "uqmbd.results": 9_820,
     "uqmbd.testing": 2_810,
     "uqmbd.units": 285,
     "uqmbd.viewer": 730,
@@ -57,7 +57,7 @@ STATEMENTS = {
     "uqmbd_processes": 2_860,
     "uqmbd_flexible": 1_030,
     "uqmbd_pytest": 40,
-    "uqmbd_reliability": 2_140,
+    "uqmbd_reliability": 2_150,
     "uqmbd_springs": 510,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""
