@@ -136,8 +136,8 @@ def _violation(name: str, found: Mapping[str, xr.Dataset]) -> Chart:
         low, high = (np.where(np.arange(len(times)) == last, end, np.nan) for end in interval)
         bands = [Band("95 % interval of the whole motion", low, high, True)]
         if name != "requirements" and "violated_by_interval" in data:
-            ends = data["violated_by_interval"]
-            low, high = (100 * at_times(data, times, ends.sel(bound=end).values) for end in ("lower", "upper"))
+            by = data["violated_by_interval"]
+            low, high = (100 * at_times(data, times, by.sel(bound=end).values) for end in ("lower", "upper"))
             bands.insert(0, Band("95 % interval at each time", low, high))
         curves.append(Curve(label, values, tuple(bands), "violated"))
         # the height of the axes ignores an interval up to 100 %, beside which the curve would not be visible

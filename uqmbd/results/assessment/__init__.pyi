@@ -3,7 +3,6 @@
 from .accuracy import StatedAccuracy as StatedAccuracy
 from .accuracy import stated_accuracy as stated_accuracy
 from .alignment import align as align
-from .assessment import LEVELS as LEVELS
 from .assessment import Assessment as Assessment
 from .assessment import assess as assess
 from .costs import error_against_cost as error_against_cost
@@ -24,6 +23,7 @@ from .own_errors import NO_SPREAD as NO_SPREAD
 from .own_errors import NO_VARIATION as NO_VARIATION
 from .recommendation import recommend as recommend
 from .recommendation import recommended as recommended
+from .reliability import LEVELS as LEVELS
 from .reliability import OutputReliability as OutputReliability
 from .verdicts import AGREES as AGREES
 from .verdicts import DIFFERS as DIFFERS

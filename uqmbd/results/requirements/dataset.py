@@ -157,8 +157,11 @@ def requirements_dataset(
                     f"its interval is {low[k, n]:g} to {high[k, n]:g}; expected an interval within 0 to 1 that "
                     "contains the probability."
                 )
-            about = {"long_name": f"{LEVEL:.0%} interval of violated_by", "level": LEVEL, "units": "1"}
-            data["violated_by_interval"] = ((*dims, "bound", "time"), np.stack([low, high], axis=1), about)
+            data["violated_by_interval"] = (
+                (*dims, "bound", "time"),
+                np.stack([low, high], axis=1),
+                {"long_name": f"{LEVEL:.0%} interval of violated_by", "level": LEVEL, "units": "1"},
+            )
         coords["time"] = ("time", grid, {"units": "s", "long_name": "time"})
     return xr.Dataset({**data, **(variables or {})}, coords=coords, attrs=dict(attrs or {}))
 
