@@ -118,7 +118,7 @@ class ImplicitStruct(ctypes.Structure):
         *(("eigenvalue", _DOUBLE), ("tolerance", _DOUBLE), ("iterations", _INT)),
         *(("motion", ProgramStruct), ("solution", _POINTER), ("gradients", ProgramStruct), ("rate", _POINTER)),
         ("multipliers", _INT),
-        *((name, _INT) for name in ("states", "size", "entries", "given")),
+        *((name, _INT) for name in ("states", "size", "entries", "given", "moving")),
         *((name, _POINTER) for name in ("rows", "columns", "inertia", "plain", "stiffness")),
         *((name, _POINTER) for name in ("pivots", "pivot_rows", "pivot_columns")),
         *((name, _POINTER) for name in ("below_starts", "below", "below_rows")),

@@ -100,6 +100,7 @@ class ImplicitEquations(Addressed):
     states: int  # number of auxiliary states
     size: int  # number of unknowns: velocities, auxiliary states, multipliers
     entries: int  # number of entries of a matrix, with fill
+    moving: int  # number of given entries with inertia, which are the first ones
     rows: Index  # (given,): of the given entries, which are the first ones
     columns: Index  # (given,)
     inertia: Index  # (given,): rows of the values that are multiplied by eta
@@ -132,7 +133,7 @@ class ImplicitEquations(Addressed):
     def solution_operations(self) -> int:
         """Return the number of row operations of the solutions of an iteration."""
         blocks = self.size + len(self.below) + len(self.beside)
-        return self.stages**2 * blocks + 2 * self.stages * len(self.rows)
+        return self.stages**2 * blocks + self.stages * self.moving
 
     @cached_property
     def structure(self) -> c.ImplicitStruct:
@@ -148,7 +149,7 @@ class ImplicitEquations(Addressed):
             *(method.eigenvalue, TOLERANCE, ITERATIONS),
             *(parts[0], address(self.solution), parts[1], address(self.rate)),
             self.multipliers,
-            *(self.states, self.size, self.entries, len(self.rows)),
+            *(self.states, self.size, self.entries, len(self.rows), self.moving),
             *map(address, (self.rows, self.columns, self.inertia, self.plain, self.stiffness)),
             *map(address, (self.pivots, self.pivot_rows, self.pivot_columns)),
             *map(address, (self.below_starts, self.below, self.below_rows)),

@@ -27,7 +27,7 @@ typedef struct {
     V *responses;       /* (direction, 1 + direction): rates of the speeds, without and per force */
     int64_t *needed;    /* (direction): lanes that need its responses, as bits */
     /* of implicit steps (radau.c): stages, those of the step before, changes, a rate; matrices and sides of systems */
-    V *stages, *history, *changes, *slope, *matrices, *inertia, *stiffness, *factors, *right, *solution, *shift;
+    V *stages, *history, *changes, *slope, *matrices, *inertia, *factors, *right, *solution, *remainders;
     V before, contraction, growth;  /* size of the step before, of its iterations; a factor of the next size */
     double *numbers;    /* of one lane at a time */
     V enough[2], scale[2]; /* squares of distances from the constraints, in position and in velocity, that need no

@@ -14,8 +14,7 @@ static const double YIELDING = 1e-12; /* compliance of contacts, as several may 
 int64_t implicit_rows(const Problem *p) {
     const Implicit *m = p->implicit;
     int64_t s = m->stages;
-    return (3 * s + 1) * p->width + (3 * MATRICES + 2 * s) * m->given + (s * s + 1) * m->entries + 2 * s * m->size +
-           s * p->coordinates;
+    return (4 * s + 1) * p->width + 3 * MATRICES * m->given + s * m->moving + (s * s + 1) * m->entries + 2 * s * m->size;
 }
 
 static void place_implicit(const Problem *p, Group *g, V *at) {
@@ -31,17 +30,15 @@ static void place_implicit(const Problem *p, Group *g, V *at) {
     at += p->width;
     g->matrices = at; /* (MATRICES, 3, given) */
     at += 3 * MATRICES * m->given;
-    g->inertia = at; /* (given, stages) */
-    at += s * m->given;
-    g->stiffness = at; /* (given, stages) */
-    at += s * m->given;
+    g->inertia = at; /* (moving, stages) */
+    at += s * m->moving;
     g->factors = at; /* (entries), then blocks (entries, stages, stages) */
     at += (s * s + 1) * m->entries;
     g->right = at; /* (size, stages) */
     at += s * m->size;
     g->solution = at; /* (size, stages) */
     at += s * m->size;
-    g->shift = at; /* (stages, coordinates) */
+    g->remainders = at; /* (width, stages) */
 }
 
 /* -- linear systems of blocks (s, s) -------------------------------------------------------------------------------- */
@@ -67,36 +64,47 @@ INLINE void invert_block(const int64_t s, V least, V *block) {
     }
 }
 
-/* own = own b.  Rows are held in registers; no block is another one. */
-INLINE void multiply_by(const int64_t s, V *restrict own, const V *restrict b) {
-#pragma clang loop unroll(full)
-    for (int64_t i = 0; i < s; i++) {
+/* own = own b.  Rows are held in registers.  Blocks may be the same for the compiler, and rows are a loop: otherwise it
+   loads whole blocks beforehand, for which there are not enough registers. */
+INLINE void multiply_by(const int64_t s, V *own, const V *b) {
+#pragma clang loop unroll(disable)
+    for (int64_t i = 0; i < s; i++, own += s) {
         V row[MOST_STAGES];
 #pragma clang loop unroll(full)
-        for (int64_t j = 0; j < s; j++) row[j] = own[i * s] * b[j];
+        for (int64_t j = 0; j < s; j++) row[j] = own[0] * b[j];
 #pragma clang loop unroll(full)
         for (int64_t k = 1; k < s; k++)
 #pragma clang loop unroll(full)
-            for (int64_t j = 0; j < s; j++) row[j] += own[i * s + k] * b[k * s + j];
+            for (int64_t j = 0; j < s; j++) row[j] += own[k] * b[k * s + j];
 #pragma clang loop unroll(full)
-        for (int64_t j = 0; j < s; j++) own[i * s + j] = row[j];
+        for (int64_t j = 0; j < s; j++) own[j] = row[j];
     }
 }
 
-/* to -= a b, of a block, or of a column. */
-INLINE void subtract_product(const int64_t s, const int64_t columns, const V *restrict a, const V *restrict b,
-                             V *restrict to) {
-#pragma clang loop unroll(full)
-    for (int64_t i = 0; i < s; i++) {
+/* to -= a b, of blocks. */
+INLINE void subtract_product(const int64_t s, const V *a, const V *b, V *to) {
+#pragma clang loop unroll(disable)
+    for (int64_t i = 0; i < s; i++, a += s, to += s) {
         V row[MOST_STAGES];
 #pragma clang loop unroll(full)
-        for (int64_t j = 0; j < columns; j++) row[j] = to[i * columns + j];
+        for (int64_t j = 0; j < s; j++) row[j] = to[j];
 #pragma clang loop unroll(full)
         for (int64_t k = 0; k < s; k++)
 #pragma clang loop unroll(full)
-            for (int64_t j = 0; j < columns; j++) row[j] -= a[i * s + k] * b[k * columns + j];
+            for (int64_t j = 0; j < s; j++) row[j] -= a[k] * b[k * s + j];
 #pragma clang loop unroll(full)
-        for (int64_t j = 0; j < columns; j++) to[i * columns + j] = row[j];
+        for (int64_t j = 0; j < s; j++) to[j] = row[j];
+    }
+}
+
+/* to -= a x, of a block and columns. */
+INLINE void subtract_column(const int64_t s, const V *a, const V *x, V *to) {
+#pragma clang loop unroll(full)
+    for (int64_t i = 0; i < s; i++) {
+        V sum = to[i];
+#pragma clang loop unroll(full)
+        for (int64_t k = 0; k < s; k++) sum -= a[i * s + k] * x[k];
+        to[i] = sum;
     }
 }
 
@@ -110,7 +118,7 @@ INLINE void factorise_blocks(const Implicit *m, const int64_t s, const V *least,
             V *own = e + m->below[b] * square;
             multiply_by(s, own, pivot);
             for (int64_t j = first; j < end; j++)
-                subtract_product(s, s, own, e + m->beside[j] * square, e + *target++ * square);
+                subtract_product(s, own, e + m->beside[j] * square, e + *target++ * square);
         }
     }
 }
@@ -120,12 +128,12 @@ INLINE void solve_blocks(const Implicit *m, const int64_t s, const V *e, V *righ
     for (int64_t k = 0; k < m->size; k++) {
         const V *pivot = right + m->pivot_rows[k] * s;
         for (int64_t b = m->below_starts[k]; b < m->below_starts[k + 1]; b++)
-            subtract_product(s, 1, e + m->below[b] * square, pivot, right + m->below_rows[b] * s);
+            subtract_column(s, e + m->below[b] * square, pivot, right + m->below_rows[b] * s);
     }
     for (int64_t k = m->size - 1; k >= 0; k--) {
         V *sum = right + m->pivot_rows[k] * s, *to = found + m->pivot_columns[k] * s;
         for (int64_t j = m->beside_starts[k]; j < m->beside_starts[k + 1]; j++)
-            subtract_product(s, 1, e + m->beside[j] * square, found + m->beside_columns[j] * s, sum);
+            subtract_column(s, e + m->beside[j] * square, found + m->beside_columns[j] * s, sum);
         const V *inverse = e + m->pivots[k] * square;
 #pragma clang loop unroll(full)
         for (int64_t i = 0; i < s; i++) {
@@ -207,7 +215,7 @@ static void evaluate_matrix(const Problem *p, Group *g, V time, int64_t number) 
 }
 
 /* One kind of entries, interpolated at the stages from the matrices of a step. */
-INLINE void interpolate_entry(const Implicit *m, const int64_t s, const V *restrict given, V *restrict found) {
+INLINE void interpolate_entry(const Implicit *m, const int64_t s, const V *given, V *found) {
     V values[MATRICES];
 #pragma clang loop unroll(full)
     for (int64_t k = 0; k < MATRICES; k++) values[k] = given[3 * k * m->given];
@@ -221,25 +229,31 @@ INLINE void interpolate_entry(const Implicit *m, const int64_t s, const V *restr
 }
 
 /* Blocks of the systems of the stages; entries that are not given, but arise in the elimination, are zero. */
-INLINE void put_blocks(const Implicit *m, Group *g, const int64_t s, V size, V *restrict blocks) {
+INLINE void put_blocks(const Implicit *m, Group *g, const int64_t s, V size, V *blocks) {
     const int64_t square = s * s;
     const V over = 1.0 / size;
     fill(blocks + m->given * square, 0.0, (m->entries - m->given) * square);
     for (int64_t i = 0; i < m->given; i++) {
-        V *block = blocks + i * square, *inertia = g->inertia + i * s, *stiffness = g->stiffness + i * s;
-        V plain[MOST_STAGES];
+        V *block = blocks + i * square;
+        V plain[MOST_STAGES], stiffness[MOST_STAGES];
         const V *first = g->matrices + i;
-        interpolate_entry(m, s, first, inertia);
         interpolate_entry(m, s, first + m->given, plain);
         interpolate_entry(m, s, first + 2 * m->given, stiffness);
 #pragma clang loop unroll(full)
         for (int64_t r = 0; r < s; r++) {
-            const V a = inertia[r] * over, b = stiffness[r] * size;
+            const V b = stiffness[r] * size;
 #pragma clang loop unroll(full)
-            for (int64_t k = 0; k < s; k++) {
-                V sum = m->inverse[r * s + k] * a + m->matrix[r * s + k] * b;
-                block[r * s + k] = r == k ? sum + plain[r] : sum;
-            }
+            for (int64_t k = 0; k < s; k++)
+                block[r * s + k] = r == k ? m->matrix[r * s + k] * b + plain[r] : m->matrix[r * s + k] * b;
+        }
+        if (i >= m->moving) continue;
+        V *inertia = g->inertia + i * s;
+        interpolate_entry(m, s, first, inertia);
+#pragma clang loop unroll(full)
+        for (int64_t r = 0; r < s; r++) {
+            const V a = inertia[r] * over;
+#pragma clang loop unroll(full)
+            for (int64_t k = 0; k < s; k++) block[r * s + k] += m->inverse[r * s + k] * a;
         }
     }
 }
@@ -286,42 +300,33 @@ static void solve_filter(const Problem *p, Group *g, V size, const V *r, V *x) {
     for (int64_t i = n; i < differential; i++) x[i] = g->solution[i];
 }
 
-/* Solve the systems of all stages: what they are to be changed by, for remainders r (stages, width). */
-INLINE void solve_stages(const Problem *p, Group *g, const int64_t s, V size, const V *r, V *x) {
+/* Solve the systems of all stages: what they are to be changed by, for remainders (width, stages).  Those of coordinates
+   vanish, as stages of coordinates follow from those of velocities. */
+INLINE void solve_stages(const Problem *p, Group *g, const int64_t s, V size, V *x) {
     const Implicit *m = p->implicit;
-    int64_t n = p->coordinates, differential = n + m->states, width = p->width;
-    for (int64_t k = 0; k < s; k++)
-        for (int64_t i = 0; i < n; i++) {
-            V sum = splat(0.0);
+    const int64_t n = p->coordinates, differential = n + m->states, width = p->width;
+    const V *r = g->remainders, *inertia = g->inertia;
+    V *right = g->right, *found = g->solution;
+    fill(right, 0.0, s * m->size);
+    for (int64_t i = 0; i < m->moving; i++, inertia += s) {
+        const int64_t c = m->columns[i];
+        const V *from = r + (c < n ? p->velocities + c : c) * s;
+        V *to = right + m->rows[i] * s;
 #pragma clang loop unroll(full)
-            for (int64_t j = 0; j < s; j++) sum += m->matrix[k * s + j] * r[j * width + i];
-            g->shift[k * n + i] = size * sum;
-        }
-    fill(g->right, 0.0, s * m->size);
-    for (int64_t i = 0; i < m->given; i++) {
-        int64_t c = m->columns[i];
-        V *to = g->right + m->rows[i] * s;
-        if (c < n)
-#pragma clang loop unroll(full)
-            for (int64_t k = 0; k < s; k++)
-                to[k] += g->inertia[i * s + k] * r[k * width + p->velocities + c] -
-                         g->stiffness[i * s + k] * g->shift[k * n + c];
-        else if (m->inertia[i] < 0)
-#pragma clang loop unroll(full)
-            for (int64_t k = 0; k < s; k++) to[k] += r[k * width + c];
+        for (int64_t k = 0; k < s; k++) to[k] += inertia[k] * from[k];
     }
-    solve_blocks(m, s, g->factors + m->entries, g->right, g->solution);
-    for (int64_t k = 0; k < s; k++) {
-        V *own = x + k * width;
-        for (int64_t i = 0; i < n; i++) {
-            V sum = splat(0.0);
+    solve_blocks(m, s, g->factors + m->entries, right, found);
+    for (int64_t i = 0; i < n; i++, found += s)
 #pragma clang loop unroll(full)
-            for (int64_t j = 0; j < s; j++) sum += m->matrix[k * s + j] * g->solution[i * s + j];
-            own[i] = g->shift[k * n + i] + size * sum;
-            own[p->velocities + i] = g->solution[i * s + k];
+        for (int64_t k = 0; k < s; k++) {
+            V sum = m->matrix[k * s] * found[0];
+#pragma clang loop unroll(full)
+            for (int64_t j = 1; j < s; j++) sum += m->matrix[k * s + j] * found[j];
+            x[k * width + i] = size * sum;
+            x[k * width + p->velocities + i] = found[k];
         }
-        for (int64_t i = n; i < differential; i++) own[i] = g->solution[i * s + k];
-    }
+    for (int64_t i = n; i < differential; i++, found += s)
+        for (int64_t k = 0; k < s; k++) x[k * width + i] = found[k];
 }
 
 /* -- stages --------------------------------------------------------------------------------------------------------- */
@@ -366,29 +371,49 @@ static void predict(const Problem *p, Group *g, V size) {
     }
 }
 
+/* Stages of coordinates from those of velocities. */
+static void integrate_stages(const Problem *p, Group *g, V size) {
+    const Implicit *m = p->implicit;
+    int64_t width = p->width, stages = m->stages;
+    for (int64_t s = 0; s < stages; s++)
+        for (int64_t i = 0; i < p->coordinates; i++) {
+            V sum = splat(0.0), speed = g->base[p->velocities + i];
+            for (int64_t j = 0; j < stages; j++)
+                sum += m->matrix[s * stages + j] * (speed + g->stages[j * width + p->velocities + i]);
+            g->stages[s * width + i] = size * sum;
+        }
+}
+
 /* One iteration: the changes of all stages, and their size in tolerances. */
 INLINE V iterate(const Problem *p, Group *g, const int64_t s, V size) {
     const Implicit *m = p->implicit;
-    int64_t width = p->width;
-    V *rates = g->rates + width, over = 1.0 / size, sum = splat(0.0);
+    const int64_t width = p->width;
+    V *rates = g->rates + width, *left = g->remainders, over = 1.0 / size, sum = splat(0.0);
+    const V *stages = g->stages, *changes = g->changes;
     for (int64_t k = 0; k < s; k++) {
-        const V *stage = g->stages + k * width;
+        const V *stage = stages + k * width;
         for (int64_t i = 0; i < width; i++) g->work[i] = g->base[i] + stage[i];
         evaluate_rate(p, g, g->now + m->nodes[k] * size, rates + k * width);
     }
-    for (int64_t k = 0; k < s; k++)
-        for (int64_t i = 0; i < width; i++) {
-            V part = splat(0.0);
+    for (int64_t i = p->coordinates; i < width; i++) {
+        V own[MOST_STAGES];
 #pragma clang loop unroll(full)
-            for (int64_t j = 0; j < s; j++) part += m->inverse[k * s + j] * g->stages[j * width + i];
-            rates[k * width + i] -= over * part;
+        for (int64_t j = 0; j < s; j++) own[j] = over * stages[j * width + i];
+#pragma clang loop unroll(full)
+        for (int64_t k = 0; k < s; k++) {
+            V part = rates[k * width + i];
+#pragma clang loop unroll(full)
+            for (int64_t j = 0; j < s; j++) part -= m->inverse[k * s + j] * own[j];
+            left[i * s + k] = part;
         }
-    solve_stages(p, g, s, size, rates, g->changes);
-    for (int64_t k = 0; k < s; k++)
-        for (int64_t i = 0; i < width; i++) {
-            V part = g->changes[k * width + i] / (g->floor + p->rtol * g->sizes[i]);
-            sum += part * part;
-        }
+    }
+    solve_stages(p, g, s, size, g->changes);
+    for (int64_t i = 0; i < width; i++) {
+        V squares = splat(0.0), scale = 1.0 / (g->floor + p->rtol * g->sizes[i]);
+#pragma clang loop unroll(full)
+        for (int64_t k = 0; k < s; k++) squares += changes[k * width + i] * changes[k * width + i];
+        sum += squares * scale * scale;
+    }
     return root(sum / (p->moving * (double)s));
 }
 
@@ -438,6 +463,7 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
         interpolate_stages(p, g, -1, part, g->work);
         evaluate_matrix(p, g, g->now + part * size, k);
     }
+    integrate_stages(p, g, size);
     factorise_systems(p, g, s, size);
     Mask open = g->running, done = {0};
     V before = splat(0.0), contraction = g->contraction, count = splat(0.0), slowest = splat(1e-6);

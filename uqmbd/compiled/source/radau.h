@@ -12,7 +12,7 @@
        F(q, s, v, a, lambda) = M a - Q + h + D^T lambda = 0,   G(q, s, v, a) = D a - gamma = 0,   s' = g(q, s, v)
 
    follow sparse systems of blocks (stages, stages) for the velocities, auxiliary states and multipliers, as
-   Dq = h A (Dv + Rq).  An entry that stands in M or D, another one in F_v, F_s, G_v, G_s, g_v, g_s or D^T, and a third
+   Dq = h A Dv: stages of coordinates are those of velocities, integrated, so that their remainders R_i vanish.  An entry that stands in M or D, another one in F_v, F_s, G_v, G_s, g_v, g_s or D^T, and a third
    one in F_q, G_q or g_q give the block
 
        A^-1 / h inertia_i + I plain_i + h A stiffness_i
@@ -44,6 +44,7 @@ typedef struct {
     int64_t multipliers;
     int64_t states;            /* auxiliary states */
     int64_t size, entries, given; /* of the systems: unknowns, entries with fill, entries that are given */
+    int64_t moving;            /* given entries with inertia; these entries are the first ones */
     const int64_t *rows, *columns;                /* (given): row, column; these entries are the first ones */
     const int64_t *inertia, *plain, *stiffness;   /* (given): rows of the work array; -1: one */
     const int64_t *pivots, *pivot_rows, *pivot_columns; /* (size): entries, rows and columns in order of elimination */

@@ -69,9 +69,10 @@ def _written(model: Model, system: System, stages: int) -> Dynamics:
     scales = _constraint_scales(model, system)
     summed = [_scaled(writer, _summed(writer, part), scales) for part in (inertia, plain, stiffness)]
     contacts = _ContactUnknowns.of(model, system.size + layout.states)
-    entries = sorted(set().union(*summed, contacts.entries))
-    order = _EliminationTables(entries, _typical(model, system, contacts, scales))
     one = {(n + k, n + k): -1 for k in range(layout.states)}
+    moving = summed[0].keys() | one | contacts.equations
+    entries = sorted(moving) + sorted(set().union(*summed[1:], contacts.entries) - moving)
+    order = _EliminationTables(entries, _typical(model, system, contacts, scales))
     table = [np.array([part.get(e, zero) for e in entries], dtype=np.int64) for part in (summed[0] | one, *summed[1:])]
     implicit = ImplicitEquations(
         stages=stages,
@@ -83,6 +84,7 @@ def _written(model: Model, system: System, stages: int) -> Dynamics:
         states=layout.states,
         size=system.size + layout.states + contacts.directions,
         entries=len(order.numbers),
+        moving=len(moving),
         rows=np.array([i for i, _ in entries], dtype=np.int64),
         columns=np.array([j for _, j in entries], dtype=np.int64),
         inertia=table[0],
@@ -124,10 +126,14 @@ class _ContactUnknowns:
         return cls(len(used), model.layout.coordinates, first, used)
 
     @property
+    def equations(self) -> set[Entry]:
+        """Entries of the equations."""
+        return {(self.first + d, i) for d, i in np.argwhere(self.used != 0).tolist()}
+
+    @property
     def entries(self) -> set[Entry]:
         """Entries of the equations, of the forces, and on the diagonal."""
-        pairs = [(d, i) for d, i in np.argwhere(self.used != 0).tolist()]
-        along = {(self.first + d, i) for d, i in pairs}
+        along = self.equations
         return along | {(i, d) for d, i in along} | {(self.first + d,) * 2 for d in range(self.directions)}
 
     def placed(self, entries: list[Entry]) -> ContactEntries | None:
