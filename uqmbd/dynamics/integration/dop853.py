@@ -38,7 +38,7 @@ __all__ = ["explicit_method", "integrate_by_dop853", "stopped"]
 
 
 STIFF, SENSITIVE = 6.1, 4.5
-"""Step size times the size of the Jacobian above which stability instead of accuracy limits the step; if costs are compared.
+"""Step size times the size of the Jacobian above which stability limits the step; and the same if costs are compared.
 
 Steps are stable up to 6.0 to 6.8 times a rate with damping, and safety factors make them shorter. An oscillation of
 tolerance 1e-2 limits them to 3.4, of tolerance 1e-6 to 1.1."""
