@@ -103,8 +103,8 @@ def _intervals_over_time(
 ) -> tuple[Array, Array]:
     """Return intervals (R, T) of the probabilities `by` (R, T) of a violation until each time.
 
-    They are products of the interval of the whole motion, `lower` and `upper` (R,), and of the interval of the share of
-    its violations that have happened by a time. The share is a weighted count; `violations` (N, R) are the weights.
+    They are products of two intervals: `lower` and `upper` (R,) of the whole motion, and the interval of the share of
+    violations that have happened by a time. The share is a weighted count; `violations` (N, R) are the weights.
     The share is unknown between 0 and 1 if samples are dependent.
     """
     total, square = violations.sum(axis=0), (violations**2).sum(axis=0)

@@ -167,9 +167,9 @@ def _intervals_over_time(
 ) -> tuple[Array, Array]:
     """Return intervals (event, T) of the probabilities `by_time` (event, T) of a violation until each time.
 
-    Intervals are computed at `MOST_TIMES` times at most. A violation is permanent, so the probability at a time between
-    two of them lies between the lower end at the time before and the upper end at the time after. The same bounds apply
-    where the surrogate does not follow the margin, such as at the start, where margins may not vary.
+    Intervals are computed at `MOST_TIMES` times at most. A violation is permanent, so the probability grows with time.
+    Between two of these times, the lower end is that of the time before, and the upper end that of the time after. The
+    same bounds apply where the surrogate does not follow the margin, such as at the start, where margins may not vary.
     """
     last = by_time.shape[1] - 1
     chosen = np.unique(np.linspace(0, last, min(last + 1, MOST_TIMES)).round().astype(int))
