@@ -13,6 +13,7 @@ looks up the name at its first use.
 
 from __future__ import annotations
 
+import _imp
 import importlib
 import importlib.machinery
 import sys
@@ -82,6 +83,10 @@ class LateModule(types.ModuleType):
         self._execute()
         return sorted(self.__dict__)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Functions of users that name this module are sent to other processes, which import it."""
+        return importlib.import_module, (self.__name__,)
+
     def _execute(self) -> bool:
         """Execute this module once, then the actions that wait for it; return whether it is complete.
 
@@ -105,9 +110,36 @@ class LateModule(types.ModuleType):
                 raise
             self._late.complete = True
             self.__class__ = types.ModuleType  # type: ignore[assignment]  # a usual module from now on
-            for action in self._late.actions:
-                action()
+            actions, failed = self._late.actions, []
+            self._late.actions = []
+            for action in actions:
+                try:
+                    action()
+                except Exception as error:
+                    failed.append(error)
+            if failed:
+                raise failed[0]
         return True
+
+    def _execute_unlocked(self) -> None:
+        """Execute this module within an import, unless another thread executes it.
+
+        An import that waited for the other thread would hold the lock of all imports, which that thread needs. Imports
+        of modules that are not postponed do not wait for packages that are being executed, either.
+        """
+        if not self._late.lock.acquire(blocking=False):
+            return
+        try:
+            held = _imp.lock_held()
+            if held:
+                _imp.release_lock()
+            try:
+                self._execute()
+            finally:
+                if held:
+                    _imp.acquire_lock()
+        finally:
+            self._late.lock.release()
 
 
 @dataclass
@@ -137,6 +169,9 @@ class LateName:
         self._module = module
         self._name = name
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return getattr, (self._module, self._name)
+
     def _found(self) -> Any:
         return getattr(self._module, self._name)
 
@@ -163,7 +198,7 @@ class _Finder:
             return spec
         above = sys.modules.get(name.rpartition(".")[0])
         if isinstance(above, LateModule):
-            above._execute()  # a package is executed before its modules
+            above._execute_unlocked()  # a package is executed before its modules
         return None
 
 

@@ -11,14 +11,14 @@ from scipy.special import ndtr
 
 import uqmbd
 from uqmbd.extend import requirements_dataset
-from uqmbd.results import clopper_pearson, requirement_names
+from uqmbd.results import requirement_names
 from uqmbd.typing import Array
 from uqmbd_reliability.analysis import Analysis
-from uqmbd_reliability.estimating import derivatives, with_any
+from uqmbd_reliability.estimating import derivatives, weighted_interval, with_any
 from uqmbd_reliability.searching import DesignPoint
 from uqmbd_reliability.space import StandardSpace
 
-__all__ = ["described"]
+__all__ = ["described", "intervals_over_time"]
 
 
 def described(
@@ -40,7 +40,8 @@ def described(
     names = requirement_names(requirements)
     lost = min(float(sampled.failures.mean()), 1.0 - 1e-12)
     with np.errstate(invalid="ignore"):
-        by = np.where(with_any(running) < 0, sampled.ratio[:, None, None], 0.0).mean(axis=0) / (1.0 - lost)
+        by_time = np.where(with_any(running) < 0, sampled.ratio[:, None, None], 0.0)
+    by = by_time.mean(axis=0) / (1.0 - lost)
     probability = np.array([one.probability for one in estimates])
     margins = with_any(sampled.margins)
     violations = np.where(margins < 0, sampled.ratio[:, None], 0.0)
@@ -91,30 +92,39 @@ def described(
         upper=upper,
         times=times,
         violated_by=by,
-        violated_by_interval=_intervals_over_time(by, violations, lower, upper, dependent=found.dependent),
+        violated_by_interval=intervals_over_time(by, by_time, lower, upper, dependent=found.dependent),
         variables=variables,
         attrs=attrs,
     )
     return data.assign_coords({**problem.labels.input_coords(), "moment": ["mean", "standard deviation"]})
 
 
-def _intervals_over_time(
+def intervals_over_time(
     by: Array, violations: Array, lower: Array, upper: Array, *, dependent: bool
 ) -> tuple[Array, Array]:
     """Return intervals (R, T) of the probabilities `by` (R, T) of a violation until each time.
 
-    They are products of two intervals: `lower` and `upper` (R,) of the whole motion, and the interval of the share of
-    violations that have happened by a time. The share is a weighted count; `violations` (N, R) are the weights.
-    The share is unknown between 0 and 1 if samples are dependent.
+    `violations` (N, R, T) are the weights of samples that have violated a requirement by a time, otherwise zero.
+    `lower` and `upper` (R,) are the ends for the whole motion. They may be wider than those of the weights, because
+    realisations failed, or because other numbers contradict the samples; the excess applies at all times. Without a
+    violation by a time, and for dependent samples, only the upper end of the whole motion is valid.
     """
-    total, square = violations.sum(axis=0), (violations**2).sum(axis=0)
-    trials = np.where(square > 0, total**2 / np.where(square > 0, square, 1.0), 0.0)[:, None]
-    last = by[:, -1:]
-    share = np.clip(by / np.where(last > 0, last, 1.0), 0.0, 1.0)
-    least, most = clopper_pearson(share * trials, np.broadcast_to(trials, share.shape))
-    if dependent:
-        least, most = np.zeros_like(share), np.ones_like(share)
-    low, high = least * lower[:, None], most * upper[:, None]
+    low, high = np.zeros_like(by), np.broadcast_to(upper[:, None], by.shape).copy()
+    for k in range(len(by)):
+        last = violations[:, k, -1]
+        if dependent or not last.any():
+            continue
+        whole = weighted_interval(last, 0)
+        excess, share = max(upper[k] - whole[1], 0.0), min(lower[k] / whole[0], 1.0)
+        known: dict[int, tuple[float, float]] = {}  # violations are permanent, so equal counts are equal samples
+        for n in range(by.shape[1] - 1):
+            weights = violations[:, k, n]
+            count = int(np.count_nonzero(weights))
+            if count and count not in known:
+                known[count] = weighted_interval(weights, 0)
+            if count:
+                low[k, n] = share * known[count][0]
+                high[k, n] = min(known[count][1] + excess, upper[k])
     low[:, -1], high[:, -1] = lower, upper
     return np.minimum(low, by), np.maximum(high, by)
 

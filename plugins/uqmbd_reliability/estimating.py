@@ -10,7 +10,16 @@ from scipy.special import chdtri, stdtrit
 
 from uqmbd.typing import Array
 
-__all__ = ["ProbabilityEstimate", "derivatives", "estimate", "failing", "tail_index", "weighted_bound", "with_any"]
+__all__ = [
+    "ProbabilityEstimate",
+    "derivatives",
+    "estimate",
+    "failing",
+    "tail_index",
+    "weighted_bound",
+    "weighted_interval",
+    "with_any",
+]
 
 
 CONFIDENCE = 0.95
@@ -80,7 +89,7 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
     for any margins of the failed realisations. `standard`: number of standard normal samples, for the bound if there is
     no violation; `pilot`: number of standard normal pilot samples, and of failures among them.
     """
-    low, high = _bounds(violations, standard)
+    low, high = weighted_interval(violations, standard)
     lost, most_lost = failing(failures, *pilot)
     high = min(high + most_lost, 1.0)
     mean = float(violations.mean())
@@ -131,8 +140,11 @@ def _count_bound(count: int, samples: int) -> float:
     return float(stats.beta.ppf(0.5 + CONFIDENCE / 2, count + 1, samples - count))
 
 
-def _bounds(weights: Array, standard: int) -> tuple[float, float]:
-    """Return bounds of a mean of weights, on a logarithmic scale, because weights and their mean are skewed."""
+def weighted_interval(weights: Array, standard: int) -> tuple[float, float]:
+    """Return bounds of a mean of weights (N,), on a logarithmic scale, because weights and their mean are skewed.
+
+    `standard`: number of standard normal samples, for the bound if all weights are zero.
+    """
     total = weights.sum()
     if not total > 0:
         return 0.0, _count_bound(0, max(standard, 1))

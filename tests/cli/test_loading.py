@@ -122,3 +122,39 @@ import uqmbd.results
 print(hasattr(xarray.Dataset, "uqmbd"), hasattr(xarray.DataTree, "uqmbd"))
 """
     assert output(POSTPONED + used)[1:] == ["True True"]
+
+
+@pytest.mark.thorough
+def test_a_thread_that_imports_a_module_of_a_postponed_package_does_not_block():
+    """One thread executes a package while another one imports a module below it."""
+    used = """
+import time
+
+first = threading.Thread(target=lambda: scipy.stats.norm.cdf(0.0), daemon=True)
+second = threading.Thread(target=lambda: __import__("scipy.stats._qmc"), daemon=True)
+first.start(), time.sleep(0.01), second.start(), first.join(60), second.join(60)
+print(first.is_alive(), second.is_alive(), scipy.stats.qmc.Sobol.__name__)
+"""
+    assert output(POSTPONED + used)[1:] == ["False False Sobol"]
+
+
+@pytest.mark.thorough
+def test_functions_that_name_postponed_modules_are_sent_and_have_one_fingerprint(tmp_path):
+    (tmp_path / "commanding.py").write_text(
+        "import scipy.stats as stats\nimport xarray as xr\n\n\ndef command(t):\n    return stats.norm.cdf(t), xr\n"
+    )
+    used = f"""
+import pickle
+
+sys.path.insert(0, {str(tmp_path)!r})
+import commanding
+from uqmbd.dynamics.control.shipped import Shipped
+
+shipped = Shipped(commanding.command, "controller")
+first, packed = shipped.digest(), pickle.dumps(shipped)
+print(pickle.loads(packed).function(0.0)[0], shipped.digest() == first, len(first) > 0)
+print(first)
+"""
+    alone = POSTPONED.replace("with loading():\n    import", "if True:\n    import")
+    found = output(POSTPONED + used)[1:]
+    assert found[0] == "0.5 True True" and found == output(alone + used)[1:]

@@ -87,8 +87,8 @@ class _Hashing:
             return [*found, *sorted(_joined([self.of(key), self.of(x)]) for key, x in value.items())]
         if isinstance(value, CodeType):
             return [*found, *(self.of(getattr(value, name)) for name in CODE), self.of(value.co_consts)]
-        if isinstance(value, ModuleType):
-            return [*found, _source(value) or value.__name__.encode()]
+        if isinstance(value, ModuleType):  # the type of a module whose import is postponed changes at its execution
+            return [b"builtins.module", _source(value) or value.__name__.encode()]
         if isinstance(value, (FunctionType, type)) and _of_library(value):
             return [*found, f"{value.__module__}.{value.__qualname__}".encode()]
         if isinstance(value, FunctionType):

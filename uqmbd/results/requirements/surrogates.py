@@ -184,9 +184,13 @@ def _intervals_over_time(
     known_late = [k for k, unknown in enumerate(late) if unknown]
     lower[known_late], upper[known_late] = 0.0, 0.0  # by definition not violated before the end
     lower[:, -1], upper[:, -1], followed[:, -1] = whole.lower, whole.upper, whole.followed
-    for k in range(1, len(chosen)):
-        lower[:, k] = np.where(followed[:, k], lower[:, k], np.maximum(lower[:, k], lower[:, k - 1]))
-        upper[:, -k - 1] = np.where(followed[:, -k - 1], upper[:, -k - 1], np.minimum(upper[:, -k - 1], upper[:, -k]))
+    up = followed.copy()
+    for k in range(1, len(chosen) - 1):
+        bounded = ~followed[:, k] & followed[:, k - 1]
+        lower[bounded, k], followed[bounded, k] = lower[bounded, k - 1], True
+    for k in range(len(chosen) - 2, -1, -1):
+        bounded = ~up[:, k] & up[:, k + 1]
+        upper[bounded, k], up[bounded, k] = upper[bounded, k + 1], True
     before = np.searchsorted(chosen, np.arange(last + 1), side="right") - 1
     after = np.searchsorted(chosen, np.arange(last + 1))
     low, high = lower[:, before], upper[:, after]
