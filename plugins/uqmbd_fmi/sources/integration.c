@@ -23,6 +23,7 @@ static const double STILL = 1e-12;              /* speed that counts as zero at 
 static const double ROUNDED = 1e-13;            /* normal speed, relative to its terms, that counts as zero */
 static const double PUSHED = 10.0;              /* tolerances by which an input may change a normal speed without effect */
 static const double CLUSTER_TIME = 2e-3;        /* time of a cluster of events, relative to the duration */
+static const double TOGETHER = 1e-9;            /* duration of an instant, relative to the duration */
 
 /* What the driver works with: a problem of one realisation. */
 typedef struct {
@@ -108,7 +109,8 @@ static void prepare(Run *run, Motion *of, double end, Report *to) {
                                    .arming = &of->arming,
                                    .watched = 1,
                                    .decides = 1,
-                                   .window = CLUSTER_TIME * motion_duration};
+                                   .window = CLUSTER_TIME * motion_duration,
+                                   .together = TOGETHER * motion_duration};
     run->pool = (Pool){.z = of->state,
                        .rate = of->rate,
                        .parameters = of->parameters,

@@ -231,10 +231,11 @@ static int solve_together(const Collision *x, Earlier earlier, Lane *s, double *
             for (int64_t j = 0; j < t.count; j++) t.matrix[i][j] = x->matrix[i][j];
         return first_solution(&t, x->before, x->rebound[0], earlier, s, impulse);
     }
+    /* the friction of more than two contacts that begin to slide in space is not unique: the caller decides */
+    for (int64_t k = 0; k < x->count; k++)
+        if (x->first[k + 1] - x->first[k] > 2 && x->count > 2 && earlier.energy < 0.0) return -1;
     for (int64_t k = 0; k < x->count; k++) {
         int64_t tangents = x->first[k + 1] - x->first[k] - 1;
-        /* the friction of more contacts that begin to slide in space is not unique: the caller decides */
-        if (tangents > 1 && x->count > 2 && earlier.energy < 0.0) return -1;
         combinations *= tangents > 1 ? MOST_STATES + 1 : tangents ? 4 : 2;
         if (combinations > MOST_STATES) return solve_by_iteration(x, earlier, s, impulse);
     }

@@ -115,7 +115,10 @@ static int find_lasting(const Closed *c, double slow, Lane *s, Lasting *found) {
         if (mode == SLIP && !slides[k])
             start_against((open ? after : force) + first + 1, tangents, open ? -1.0 : 1.0, found->heading[k]);
     }
-    if (!loaded) return 1;
+    if (!loaded) {
+        for (int64_t i = 0; i < c->first[c->count]; i++) found->force[i] = found->internal[i] = 0.0;
+        return 1;
+    }
     if (!find_lasting_forces(c, s, found)) return 0;
     Lasting more;
     if (others && load_others(c, s, RESTS * largest, unloaded, found, &more)) *found = more;
