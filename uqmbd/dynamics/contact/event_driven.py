@@ -2,8 +2,7 @@
 
 The driver makes steps, locates events in a step, and decides about them: impacts, rest, lift-off, and the ends of
 sticking and sliding. A realisation whose event it leaves undecided waits for a decision in Python, while the others
-continue. Decreasing bounces end in a
-persistent contact, which sticks or slips, and from which bodies may lift off.
+continue. Decreasing bounces end in a persistent contact, which sticks or slips, and from which bodies may lift off.
 """
 
 from __future__ import annotations

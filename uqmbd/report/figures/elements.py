@@ -77,10 +77,9 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     """
     node = next((n for n in nodes_of(results).values() if has_elements(n)), None)
     if node is None:
-        raise StudyError(
-            "These results contain no elements; use a method with elements, such as "
-            f"{method_with_option('elements', 'one')}(elements='adaptive')."
-        )
+        method = method_with_option("elements", "")
+        example = f", such as {method}(elements='adaptive')" if method else ""
+        raise StudyError(f"These results contain no elements; use a method with elements{example}.")
     return draw_on_paper(elements_chart(node, output))
 
 
