@@ -25,7 +25,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 1_070,
+    "uqmbd": 1_100,
     "uqmbd.arguments": 560,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 280,
@@ -57,7 +57,7 @@ STATEMENTS = {
     "uqmbd_processes": 2_860,
     "uqmbd_flexible": 1_030,
     "uqmbd_pytest": 40,
-    "uqmbd_reliability": 2_150,
+    "uqmbd_reliability": 2_160,
     "uqmbd_springs": 510,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""
