@@ -70,7 +70,8 @@ MODULES = [
 
 @pytest.mark.parametrize("module", MODULES)
 def test_every_public_name_has_a_page(pages, module):
-    names = names_in_source(module) - {"__version__"}
+    # the stub of the results has an earlier name of `methods` for type checkers
+    names = names_in_source(module) - {"__version__", "propagator_nodes"}
     assert names, "the list of public names was not found"
     assert [name for name in sorted(names) if f"{module}.{name}" not in pages] == []
 

@@ -203,7 +203,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a function so that wrong arguments raise StudyError instead of TypeError.
+    """Decorate a function or a class so that wrong arguments raise StudyError instead of TypeError.
 
     Python's own TypeError states neither the intended argument nor the existing arguments.
 
@@ -215,6 +215,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     uqmbd.errors.StudyError: spring: there is no argument 'dampnig'; did you mean 'damping'? Usage: spring(stiffness,
     damping=0).
     """
+    if isinstance(function, type):
+        made: Any = function
+        made.__init__ = checked(made.__init__)
+        return made  # type: ignore[no-any-return]
     signature = inspect.signature(function)
     what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     bound = what != function.__qualname__ or "." in function.__qualname__.rpartition("<locals>.")[2]

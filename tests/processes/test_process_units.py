@@ -88,7 +88,7 @@ def test_a_linear_output_without_a_power_has_unknown_units():
     found = uqmbd.extend.linear_output(_number)
     mechanism, mass = oscillator()
     mechanism.output("x", found(mass.position[0]), units="K")
-    with pytest.raises(uqmbd.StudyError, match="exponent of the units of the expression"):
+    with pytest.raises(uqmbd.StudyError, match="expected known units and a power"):
         uqmbd.extend.linear_output(units="1/s")
     with pytest.raises(uqmbd.StudyError, match="units is 'foo'"):
         uqmbd.extend.linear_output(power=1, units="foo")

@@ -243,8 +243,8 @@ def test_an_integrator_that_declares_nonsense_does_not_hide_those_that_can(monke
     """Only the chosen integrator is judged: the invalid class of another one raises no error."""
     broken = type("Broken", (), {"name": "broken", "capabilities": 3, "integrate": None})
     module = sys.modules[integrate.__module__]
-    known = module.integrators()
-    monkeypatch.setattr(module, "integrators", lambda: {"broken": broken, **known})
+    known = module.installed_integrators()
+    monkeypatch.setattr(module, "installed_integrators", lambda: {"broken": broken, **known})
     with pytest.raises(
         uqmbd.StudyError, match="study 's': the integrator 'ida' cannot .*Use integrator='auto', or 'dop853', 'radau'"
     ):

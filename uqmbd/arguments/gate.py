@@ -88,10 +88,7 @@ def typechecked(called: F | None = None, *, values: bool = True) -> F | Callable
         )
     one: Any = called
     if not values:
-        if not isinstance(called, type):
-            return typing.cast("F", checked(one))
-        one.__init__ = checked(one.__init__)
-        return called
+        return typing.cast("F", checked(one))
     if not isinstance(called, type):
         return typing.cast("F", _of_function(called))
     for name, member in list(vars(one).items()):

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uqmbd.arguments import typechecked
 from uqmbd.clusters.dask_cluster import STARTED_HERE, dask_executor
 from uqmbd.clusters.mpi import mpi_executor
 from uqmbd.errors import StudyError
+from uqmbd.names import checked
 
 __all__ = ["Workers"]
 
 
-@typechecked(values=False)
+@checked
 @dataclass(frozen=True)
 class Workers:
     """Workers selected by the options ``--workers``, ``--dask`` and ``--mpi`` of a command.

@@ -51,7 +51,7 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
     ...     return propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
     >>> aligned, notes = align({"a": node([0.0, 1.0, 2.0]), "b": node([0.0, 0.5, 1.0])})
     >>> aligned["b"]["statistics"]["time"].values.tolist(), notes
-    ([0.0, 1.0], ('Only 2 times are common to all results, of 3 of a, 3 of b. Nothing was interpolated.',))
+    ([0.0, 1.0], ('Only 2 times are common to all results (a has 3, b has 3). Nothing was interpolated.',))
     """
     if not nodes:
         raise StudyError("A comparison needs the result of at least one propagator; no result is given.")
