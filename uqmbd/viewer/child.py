@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import os
 import queue
@@ -16,7 +17,7 @@ from typing import Any
 
 from uqmbd.viewer.messages import Answer
 
-__all__ = ["Child", "ChildEnded", "ChildTimeout", "UNPREPARED"]
+__all__ = ["Child", "ChildEnded", "ChildTimeout", "UNPREPARED", "first_child"]
 
 
 UNPREPARED = "--unprepared"
@@ -34,11 +35,17 @@ class ChildEnded(Exception):
     """The child process ended without an answer."""
 
 
+@functools.cache
+def first_child() -> Child:
+    """Return the first process, which the command line starts before its other imports."""
+    return Child(prepared=False)
+
+
 class Child:
     """One child process (module `uqmbd.viewer.worker`), which loads at most one script.
 
-    `prepared`: whether the process draws a small mechanism while it waits for its script. The first process does not,
-    because its script waits already.
+    `prepared`: whether the process draws a small mechanism while it waits for its script. The first process only
+    imports packages, because its script waits already.
     """
 
     def __init__(self, *, prepared: bool = True) -> None:

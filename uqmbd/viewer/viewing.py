@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import StudyError
-from uqmbd.viewer.child import Child, ChildEnded, ChildTimeout
+from uqmbd.viewer.child import Child, ChildEnded, ChildTimeout, first_child
 from uqmbd.viewer.messages import Answer
 from uqmbd.viewer.server import PageServer
 
@@ -37,7 +37,7 @@ def view_study(script: Path, *, seconds: float = 10.0, port: int = 0, opened: bo
     if not seconds > 0:
         raise StudyError(f"--timeout {seconds:g}: expected a positive number of seconds.")
     try:
-        viewer = FileViewer(script, seconds, port)
+        viewer = FileViewer(script, seconds, port, first_child())
     except OSError as error:
         raise StudyError(f"--port {port}: {error}; choose another port, or omit --port.") from None
     try:
@@ -53,9 +53,12 @@ def view_study(script: Path, *, seconds: float = 10.0, port: int = 0, opened: bo
 
 
 class FileViewer:
-    """Viewer of a study file; child processes run the file, each within a time limit."""
+    """Viewer of a study file; child processes run the file, each within a time limit.
 
-    def __init__(self, script: Path, seconds: float, port: int = 0) -> None:
+    `child` is the first of these processes, if it was started earlier.
+    """
+
+    def __init__(self, script: Path, seconds: float, port: int = 0, child: Child | None = None) -> None:
         self.script = script
         self.seconds = seconds
         self.ended = threading.Event()
@@ -64,7 +67,7 @@ class FileViewer:
         self._files: dict[str, Any] = {str(script.resolve()): None}
         self._good: Child | None = None
         self._loading: Child | None = None
-        self._spare: Child | None = Child(prepared=False)
+        self._spare: Child | None = child or Child(prepared=False)
         from uqmbd.viewer.page import viewer_page  # import while the child process starts
 
         page, nonce = viewer_page(str(script))

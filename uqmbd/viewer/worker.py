@@ -35,9 +35,11 @@ def main() -> None:
     threading.Thread(target=_read, args=(source, requests), daemon=True).start()
     prepared = UNPREPARED not in sys.argv[1:]
     del sys.argv[1:]  # scripts may read their arguments
-    if prepared:
-        with loading():
+    with loading():
+        if prepared:
             _prepare()
+        else:
+            import uqmbd.viewer.session  # noqa: F401 - while the parent process imports its command line
     _send(answers, {"kind": "ready"})
     session: Session | None = None
     while True:
