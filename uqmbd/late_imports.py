@@ -14,6 +14,7 @@ looks up the name at its first use.
 from __future__ import annotations
 
 import _imp
+import contextlib
 import importlib
 import importlib.machinery
 import sys
@@ -75,6 +76,9 @@ class LateModule(types.ModuleType):
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
         if _importer().startswith("chaospy."):
             return LateName(self, name)
+        below = sys.modules.get(f"{self.__name__}.{name}")
+        if below is not None and self._late.running:
+            return below
         if self._execute():
             return getattr(self, name)
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r} yet")
@@ -90,9 +94,13 @@ class LateModule(types.ModuleType):
     def _execute(self) -> bool:
         """Execute this module once, then the actions that wait for it; return whether it is complete.
 
-        Other threads wait until it is complete. It is incomplete for modules that it imports.
+        Other threads wait until it is complete. It is incomplete for modules that it imports. A thread within an import
+        holds the lock of a module, for which the executing thread may wait. It therefore waits for a limited time only.
         """
-        with self._late.lock:
+        if not self._late.lock.acquire(timeout=_longest_wait()):
+            return False
+        with contextlib.ExitStack() as held:
+            held.callback(self._late.lock.release)
             if self._late.complete:
                 return True
             if self._late.running:
@@ -150,6 +158,27 @@ class _State:
     running: bool = False
     complete: bool = False
     actions: list[Callable[[], object]] = field(default_factory=list)
+
+
+LONGEST_WAIT = 10.0
+"""Time, s, that a thread within an import waits for another thread that executes a package."""
+
+
+def _longest_wait() -> float:
+    """Return the time, s, to wait for a package that another thread executes; -1: without a limit.
+
+    ``from package import module`` looks for an attribute first and imports the module if there is none, so that it need
+    not wait.
+    """
+    frame: types.FrameType | None = sys._getframe(2)
+    while frame is not None and frame.f_globals.get("__name__") == __name__:
+        frame = frame.f_back
+    immediate = True
+    while frame is not None:
+        if str(frame.f_globals.get("__name__")).startswith("importlib._bootstrap"):
+            return 0.0 if immediate else LONGEST_WAIT
+        immediate, frame = False, frame.f_back
+    return -1.0
 
 
 def _importer() -> str:

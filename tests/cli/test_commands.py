@@ -14,7 +14,8 @@ import typer
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.cli import app, commands
+from uqmbd.cli import commands
+from uqmbd.cli.app import app
 from uqmbd.testing import check_command
 
 GOOD = """

@@ -125,13 +125,14 @@ print(hasattr(xarray.Dataset, "uqmbd"), hasattr(xarray.DataTree, "uqmbd"))
 
 
 @pytest.mark.thorough
-def test_a_thread_that_imports_a_module_of_a_postponed_package_does_not_block():
+@pytest.mark.parametrize("module", ["_qmc", "mstats", "_continuous_distns", "_sensitivity_analysis"])
+def test_a_thread_that_imports_a_module_of_a_postponed_package_does_not_block(module):
     """One thread executes a package while another one imports a module below it."""
-    used = """
+    used = f"""
 import time
 
 first = threading.Thread(target=lambda: scipy.stats.norm.cdf(0.0), daemon=True)
-second = threading.Thread(target=lambda: __import__("scipy.stats._qmc"), daemon=True)
+second = threading.Thread(target=lambda: __import__("scipy.stats.{module}"), daemon=True)
 first.start(), time.sleep(0.01), second.start(), first.join(60), second.join(60)
 print(first.is_alive(), second.is_alive(), scipy.stats.qmc.Sobol.__name__)
 """

@@ -11,11 +11,18 @@ __all__ = ["main"]
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; see `uqmbd.cli.app.main`."""
     words = sys.argv[1:] if arguments is None else arguments
-    if "view" in words[:2] and words[-1:] != ["--help"] and any(word.endswith(".py") for word in words):
+    early = list(words[:1]) == ["view"] and "--help" not in words and any(word.endswith(".py") for word in words)
+    if early:
         # the process of the study imports its packages while this process imports the command line
-        from uqmbd.viewer import first_child
+        from uqmbd.viewer import start_early
 
-        first_child()
+        start_early()
     from uqmbd.cli.app import main as run
 
-    run(arguments)
+    try:
+        run(arguments)
+    finally:
+        if early:
+            from uqmbd.viewer import end_early
+
+            end_early()

@@ -131,7 +131,7 @@ class ExplicitOptions:
     far: float  # distance from the constraints above which an interpolated state is marked as poor
     surplus: float  # distance by which a step may leave the constraints, in tolerances
     stiff: float  # step size times norm of the Jacobian above which stability instead of accuracy limits the step
-    patience: int  # number of steps that must appear stiff, without six others in a row between them
+    patience: int  # number of consecutive steps that must appear stiff
     refusals: int  # number of consecutive rejected steps before the driver returns for a decision
     attempts: int  # maximum number of attempted steps of an integration interval
     guarded: bool  # whether the driver returns for a decision on rejected steps and on steps that leave the constraints

@@ -1,6 +1,7 @@
 """The names of `uqmbd.viewer` and their modules, for type checkers and for lazy imports."""
 
-from .child import first_child as first_child
+from .child import end_early as end_early
+from .child import start_early as start_early
 from .viewing import FileViewer as FileViewer
 from .viewing import MechanismView as MechanismView
 from .viewing import view_mechanism as view_mechanism

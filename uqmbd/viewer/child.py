@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import json
 import os
 import queue
@@ -17,7 +16,7 @@ from typing import Any
 
 from uqmbd.viewer.messages import Answer
 
-__all__ = ["Child", "ChildEnded", "ChildTimeout", "UNPREPARED", "first_child"]
+__all__ = ["Child", "ChildEnded", "ChildTimeout", "UNPREPARED", "end_early", "first_child", "start_early"]
 
 
 UNPREPARED = "--unprepared"
@@ -35,10 +34,25 @@ class ChildEnded(Exception):
     """The child process ended without an answer."""
 
 
-@functools.cache
+_early: list[Child] = []
+"""Process that the command line has started before its other imports, until a viewer takes it."""
+
+
+def start_early() -> None:
+    """Start the first process, which `first_child` returns once."""
+    with contextlib.suppress(OSError):  # the viewer tries again, and reports the error
+        _early.append(Child(prepared=False))
+
+
 def first_child() -> Child:
-    """Return the first process, which the command line starts before its other imports."""
-    return Child(prepared=False)
+    """Return the process that was started early, or a new one."""
+    return _early.pop() if _early else Child(prepared=False)
+
+
+def end_early() -> None:
+    """End the process that was started early if no viewer has taken it."""
+    while _early:
+        _early.pop().end()
 
 
 class Child:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import chaospy
 import numpy as np
 import pytest
@@ -307,3 +309,20 @@ def test_persistent_contacts(mode):
     expected = 1 + rate / 2 if rate > 0 else -1 / (2 * rate)
     np.testing.assert_allclose(data.x[-1], expected, rtol=2e-5)
     assert abs(float(data.y[-1])) < 1e-9
+
+
+@pytest.mark.parametrize("integrator", ["auto", "dop853"])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
+def test_undamped_oscillations_are_not_stiff(rtol, integrator):
+    """The ratio of the changes of rates and states of an oscillation varies with its phase; its steps are accurate."""
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    place = uqmbd.RandomVariable("place", chaospy.Uniform(0.5, 1.5), units="m")
+    mass = mechanism.body("mass", mass=1, position=place)
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0,), (0,), stiffness=1e4))
+    mechanism.output("x", mass.position[0], units="m")
+    study = uqmbd.Study(
+        "s", mechanism, np.linspace(0, 4, 41), [MonteCarlo(samples=16, seed=1)], integrator=integrator, rtol=rtol
+    )
+    node = study.run()["monte-carlo"]
+    assert node.attrs["failures"] == 0
+    assert json.loads(node.attrs["solver_counters"]).get("stiff", 0) == 0

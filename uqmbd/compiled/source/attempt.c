@@ -153,35 +153,3 @@ static void attempt(const Problem *p, Group *g) {
     /* if both vanish, so does the error; NaN and infinity are preserved */
     g->error = g->size * fifth / root((fifth + 0.01 * third) * p->moving + 1e-300);
 }
-
-/* Whether stability limits the steps. */
-static Mask looks_stiff(const Problem *p, const Group *g) {
-    int64_t width = p->width;
-    V change = splat(0.0), apart = splat(0.0);
-    for (int64_t i = 0; i < width; i++) {
-        V a = g->rates[STAGES * width + i] - g->rates[(STAGES - 1) * width + i], b = g->next[i] - g->last[i];
-        change += a * a;
-        apart += b * b;
-    }
-    return g->size * root(folded(p, change) / (folded(p, apart) + 1e-300)) > splat(p->stiff);
-}
-
-/* Count a step; whether there were enough that look stiff, without CALM in a row between them that do not.
-   Where stability limits the steps, their sizes vary about the limit, and some steps do not reach it. */
-static int count_stiff(const Problem *p, const Pool *pool, int64_t m, int stiff) {
-    int64_t *count = pool->stiff + m;
-    if (stiff)
-        *count = (*count / CALM + 1) * CALM;
-    else if (*count && ++*count % CALM == 0)
-        *count = 0;
-    return *count / CALM >= p->patience;
-}
-
-/* Count refused attempts that look stiff.  Fast modes may decay in shorter steps, which then do not look stiff: the next
-   one is longer, unstable, and refused.  Sizes before the first step are guesses. */
-static void count_refused(const Problem *p, const Pool *pool, const Group *g, Mask stiff, int64_t *status) {
-    for (int64_t l = 0; l < LANES; l++)
-        if (g->running[l] && stiff[l] && status[l] == RUNNING && pool->steps[g->member[l]] &&
-            count_stiff(p, pool, g->member[l], 1))
-            status[l] = STIFF;
-}

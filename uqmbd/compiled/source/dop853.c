@@ -17,6 +17,18 @@ static Mask strayed(const Problem *p, const Group *g) {
     return doubtful & ~(sum <= most);
 }
 
+/* Whether stability limits the steps. */
+static Mask looks_stiff(const Problem *p, const Group *g) {
+    int64_t width = p->width;
+    V change = splat(0.0), apart = splat(0.0);
+    for (int64_t i = 0; i < width; i++) {
+        V a = g->rates[STAGES * width + i] - g->rates[(STAGES - 1) * width + i], b = g->next[i] - g->last[i];
+        change += a * a;
+        apart += b * b;
+    }
+    return g->size * root(folded(p, change) / (folded(p, apart) + 1e-300)) > splat(p->stiff);
+}
+
 /* Remember the states that were reached. */
 static void remember(const Problem *p, Group *g, Mask taken) {
     int64_t width = p->width;
@@ -121,14 +133,15 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
         double part = 0.9 / __builtin_sqrt(__builtin_sqrt(__builtin_sqrt(error)));
         if (part < factor) factor = part;
     }
-    int64_t before = pool->rejected[m];
+    int64_t before = pool->rejected[m], shortened = before == COARSE || before == AFTER_COARSE;
     if (before && before != AFTER_COARSE && factor > 1.0) factor = 1.0;
     g->wanted[l] = g->size[l] * factor;
     pool->rejected[m] = before == COARSE ? AFTER_COARSE : 0;
     pool->refused[m] = pool->trusted[m] = 0;
     pool->steps[m]++;
     if (pool->known[m] < NODES) pool->known[m]++;
-    if (count_stiff(p, pool, m, stiff)) return STIFF;
+    if (stiff || !shortened) pool->stiff[m] = stiff ? pool->stiff[m] + 1 : 0;
+    if (pool->stiff[m] >= p->patience) return STIFF;
     if (g->now[l] < g->end[l] - (g->low[l] - g->begin[l])) return pool->told[m] ? STEPPED : RUNNING;
     int64_t leg = pool->leg[m]++;
     g->now[l] = g->begin[l] = g->end[l];
@@ -190,11 +203,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
         attempt_implicit(p, g);
     else
         attempt(p, g);
-    Mask taken = decide(p, pool, g, status), stiff = {0}, whole = {0};
-    if (!p->implicit) {
-        stiff = looks_stiff(p, g);
-        if (any(stiff & ~taken)) count_refused(p, pool, g, stiff & ~taken, status);
-    }
+    Mask taken = decide(p, pool, g, status);
     if (!any(taken)) return;
     if (p->surplus) find_surplus(p, g, g->surplus);
     if (p->equations) find_near(p, g);
@@ -207,8 +216,12 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
             g->wanted[l] = g->size[l];
         }
     }
-    /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
-    if (!p->implicit) whole = taken & (g->error > splat(1.0 / 256.0));
+    Mask stiff = {0}, whole = {0};
+    if (!p->implicit) {
+        stiff = looks_stiff(p, g);
+        /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
+        whole = taken & (g->error > splat(1.0 / 256.0));
+    }
     int64_t known = any(whole);
     if (known) {
         interpolant(p, g);

@@ -52,10 +52,9 @@ enum {
     ASKED     /* a sample needs functions of the caller */
 };
 
-/* Why the last attempt was refused: its error, or its interpolant.  The step after one that the latter shortens may grow. */
+/* Why the last attempt was refused: its error, or its interpolant.  Steps that the latter shortens do not look stiff, so
+   that they do not end a row of stiff steps; nor does the step after. */
 enum { INACCURATE = 1, COARSE, AFTER_COARSE };
-
-enum { CALM = 6 }; /* steps in a row that do not look stiff after which those before do not count */
 
 typedef struct {
     int64_t terms;                          /* 0: lanes are realisations; else the number of rows of one problem */
@@ -80,7 +79,7 @@ typedef struct {
     double surplus_allowed;  /* a step that leads farther off them, in tolerances, is not taken */
     double between;          /* greatest error of the interpolant of a step, in tolerances */
     double stiff;            /* step size times the size of the Jacobian from which stability limits the step */
-    int64_t patience;        /* so many steps that look stiff: stiff */
+    int64_t patience;        /* so many steps in a row: stiff */
     int64_t refusals;        /* so many refused steps in a row: somebody decides */
     int64_t attempts;        /* most of a leg */
     int64_t guarded;         /* whether somebody decides about refused steps, and those off the constraints */
@@ -103,8 +102,7 @@ enum { STATE_FAR = 1, STATE_CLOSE = 2 };
 typedef struct {
     double *z, *rate, *parameters; /* (member, width), the rate of what is stepped (turning.c), (member, parameter) */
     double *now, *begin, *wanted, *tried, *floor, *limit; /* (member) */
-    int64_t *leg, *last_leg, *first, *column, *status, *attempts, *refused;
-    int64_t *stiff;    /* CALM times the number of steps that look stiff, and how many do not since the last one */
+    int64_t *leg, *last_leg, *first, *column, *status, *attempts, *refused, *stiff;
     int64_t *fresh;    /* the rate is to be evaluated anew */
     int64_t *rejected; /* why the last attempt was refused; 0: it was not */
     int64_t *allowed;  /* so many attempts are left, of all legs */

@@ -25,8 +25,6 @@ MOST = 1_000_000
 """Largest number of samples of an integration; more samples indicate wrong units."""
 NEAR = 1e-12
 """Time difference, relative to the larger of 1 s and the time, within which two instants are merged."""
-FREQUENT = 6
-"""Number of binary digits of the first samples, of which each calls a function again for single rows."""
 FELT = 1e-14
 """Rate of a constraint residual, in the units of its equation, that counts as rounding."""
 CONTRADICTION = 1e-6
@@ -352,14 +350,14 @@ def _with_state_columns(bounds: Array, states: int) -> Array:
 def _parts(sample: int, measured: Array) -> list[slice]:
     """Return rows for second calls of a function, which test that the results of a row do not depend on other rows.
 
-    The samples 0, 1, 2, 4, 8, ... use every second row. The first 64 samples, and later every second to sixteenth one,
-    use two single rows: those with the least and the greatest value of a measurement. A condition on any or all rows of
-    a group has a different result for one of them.
+    The samples 0, 1, 2, 4, 8, ... use every second row. Every sample also uses, one by one, the rows with the least and
+    the greatest value of a measurement. A condition on any or all rows of a group has a different result for one of
+    them.
     """
-    count, step = len(measured), min(4, max(0, sample.bit_length() - FREQUENT))
+    count = len(measured)
     parts = [slice(None, None, -2 if count > 1 else 1)] if count and sample & (sample - 1) == 0 else []
-    if count > 1 and not sample & ((1 << step) - 1):
-        column = measured[:, (sample >> step) % measured.shape[1]]
+    if count > 1:
+        column = measured[:, sample % measured.shape[1]]
         parts += [slice(k, k + 1) for k in {int(column.argmin()): 0, int(column.argmax()): 0}]
     return parts
 

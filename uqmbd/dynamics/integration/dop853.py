@@ -37,15 +37,10 @@ from uqmbd.typing import Array, Index
 __all__ = ["explicit_method", "integrate_by_dop853", "stopped"]
 
 
-STIFF, SENSITIVE = 6.1, 4.5
-"""Step size times the size of the Jacobian above which stability limits the step; and the same if costs are compared.
-
-Steps are stable up to 6.0 to 6.8 times a rate with damping, and safety factors make them shorter. An oscillation of
-tolerance 1e-2 limits them to 3.4, of tolerance 1e-6 to 1.1."""
-PATIENCE, PATIENT = 15, 60
-"""Number of steps that must indicate stiffness, without six others in a row between them (dop853.h).
-
-If costs are compared, an early decision saves steps. Otherwise a decision is a failure."""
+STIFF = 6.1
+"""Step size times the size of the Jacobian above which stability instead of accuracy limits the step."""
+PATIENCE = 15
+"""Number of consecutive steps that must indicate stiffness."""
 STEPS = 20_000
 """Largest number of attempted steps in an interval."""
 MOST = 200_000
@@ -100,7 +95,7 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
         far=min(FAR * rtol, FARTHEST),
         surplus=SURPLUS,
         stiff=STIFF,
-        patience=PATIENT,
+        patience=PATIENCE,
         refusals=REFUSALS,
         attempts=STEPS if attempts is None else attempts,
         guarded=guarded,
@@ -155,8 +150,6 @@ class Integration:
         # jumps of prescribed speeds precede samples, so Python handles both
         self.control = None if self.sampling is None or self.jumping else self.sampling.control()
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
-        if comparing:
-            method = replace(method, stiff=SENSITIVE, patience=PATIENCE)
         if patient:
             method = replace(method, attempts=MOST, patience=2**62)
         share = IMPLICIT_SHARE if stages else 1.0

@@ -50,8 +50,8 @@ CHUNK, LARGEST, LARGEST_AT_REST = 64, 512, 8192
 CHUNKS = 16
 """Minimum number of chunks if a chunk has more than `CHUNK` realisations."""
 
-CHUNKS_CALLED = 2
-"""The same, if controllers have functions: a call takes about the same time for any number of realisations."""
+CHUNKS_CALLED = 8
+"""The same, if controllers have functions, whose calls are expensive compared with a realisation."""
 
 NUMBERS = 1 << 21
 """Maximum number of state and output values (8 bytes each) in a chunk of more than `CHUNK` realisations."""
