@@ -25,7 +25,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 1_100,
+    "uqmbd": 1_120,
     "uqmbd.arguments": 560,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 280,
@@ -43,7 +43,7 @@ STATEMENTS = {
     "uqmbd.results": 9_820,
     "uqmbd.testing": 2_810,
     "uqmbd.units": 285,
-    "uqmbd.viewer": 730,
+    "uqmbd.viewer": 740,
     "uqmbd_calibration": 3_420,
     "uqmbd_collocation": 4_190,
     "uqmbd_contact": 290,
