@@ -117,7 +117,7 @@ class LateModule(types.ModuleType):
                 self.__loader__ = spec.loader = late
                 raise
             self._late.complete = True
-            self.__class__ = types.ModuleType  # type: ignore[assignment]  # a usual module from now on
+            object.__setattr__(self, "__class__", types.ModuleType)  # a usual module from now on
             actions, failed = self._late.actions, []
             self._late.actions = []
             for action in actions:

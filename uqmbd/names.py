@@ -8,7 +8,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 from uqmbd.errors import StudyError
 
@@ -218,7 +218,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     if isinstance(function, type):
         made: Any = function
         made.__init__ = checked(made.__init__)
-        return made  # type: ignore[no-any-return]
+        return cast("Callable[P, R]", made)
     signature = inspect.signature(function)
     what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     bound = what != function.__qualname__ or "." in function.__qualname__.rpartition("<locals>.")[2]

@@ -26,7 +26,7 @@ from uqmbd.plugins.exporter import Exporter
 from uqmbd.plugins.hooks import EXPORTS, KINDS, HookKind, hookimpl, integrator_problem
 from uqmbd.plugins.input_treatment import InputTreatment, declared_treatment
 from uqmbd.plugins.loading import PluginInfo, Registry, core_offers, load, merged, registered_name
-from uqmbd.plugins.method_names import example_of, method_with_option, methods_that, such_as
+from uqmbd.plugins.method_names import example_of, method_with_option, such_as
 from uqmbd.plugins.registry import (
     checks,
     commands,
@@ -77,7 +77,6 @@ __all__ = [
     "load",
     "merged",
     "method_with_option",
-    "methods_that",
     "owner",
     "propagator",
     "propagators",

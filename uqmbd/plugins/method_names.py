@@ -7,16 +7,7 @@ from collections.abc import Callable
 from uqmbd.plugins.input_treatment import InputTreatment
 from uqmbd.plugins.registry import propagators
 
-__all__ = ["example_of", "method_with_option", "methods_that", "such_as"]
-
-
-def methods_that(*treatments: InputTreatment) -> str:
-    """Return the registered names of the installed methods with one of some treatments of inputs, or ``none``.
-
-    >>> methods_that(InputTreatment.INTERPOLATE)
-    "'collocation', 'galerkin'"
-    """
-    return ", ".join(map(repr, _names(lambda method: _treatment(method) in treatments))) or "none"
+__all__ = ["example_of", "method_with_option", "such_as"]
 
 
 def such_as(*treatments: InputTreatment, searches_violations: bool = False) -> str:

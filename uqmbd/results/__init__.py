@@ -56,7 +56,7 @@ def __dir__() -> list[str]:
 
 def _register() -> None:
     """Register the accessor ``.uqmbd`` of xarray data."""
-    import uqmbd.results.accessor  # noqa: F401
+    import uqmbd.results.accessor  # noqa: F401 - its import registers the accessor
 
 
 when_loaded("xarray", _register)

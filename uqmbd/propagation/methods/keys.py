@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-from uqmbd.plugins import InputTreatment, methods_that
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.randomness import JointInput
 
@@ -20,10 +20,10 @@ def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
     keys = [variable.name for variable in inputs.variables if variable.is_key]
     if not keys or propagator.input_treatment is not InputTreatment.INTERPOLATE:
         return None
-    others = methods_that(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)
+    others = such_as(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)
     return (
         f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
-        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({others}), or "
+        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them{others}, or "
         "outputs of the stationary response"
     )
 
@@ -38,8 +38,8 @@ def refused_output(propagator: Propagator, mechanism: Mechanism) -> str | None:
         if quantity := not_smooth(output.expression):
             return (
                 f"{output.name!r} contains {quantity}, which is not a smooth function of the inputs, so the method "
-                f"{propagator.name!r} cannot approximate it by a surrogate. Use a method that samples the inputs "
-                f"({methods_that(InputTreatment.SAMPLE)}), or remove {output.name!r} from the mechanism of this method"
+                f"{propagator.name!r} cannot approximate it by a surrogate. Use a method that samples the inputs"
+                f"{such_as(InputTreatment.SAMPLE)}, or remove {output.name!r} from the mechanism of this method"
             )
     return None
 
