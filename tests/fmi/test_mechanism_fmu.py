@@ -22,7 +22,7 @@ from uqmbd_fmi import export_fmu, read_distributions
 from uqmbd_fmi.compiling import find_compiler, host, zig
 from uqmbd_fmi.exporter import FmuExporter
 from uqmbd_joints import Distance, Revolute
-from uqmbd_springs import PointForce, RotationalFriction, Torque
+from uqmbd_springs import PointForce, Torque
 
 from .coupling import slave
 from .library import Fmu
@@ -513,14 +513,6 @@ def test_prescribed_motions_are_inputs(tmp_path):
     assert "constraints cannot follow the inputs at t = 1 s" in fmu.messages[-1][1]
 
 
-def dry():
-    """A rotor whose bearing has dry friction."""
-    mechanism = rotor()
-    wheel = mechanism.bodies["wheel"]
-    mechanism.add(RotationalFriction("bearing friction", mechanism.ground, wheel, friction=0.1))
-    return mechanism
-
-
 def lawful(delay=0.0):
     """A rotor with a PI controller whose gain and limits are random, with a law that is compiled."""
     limit = uqmbd.RandomVariable("limit", chaospy.Uniform(3, 8), units="N m")
@@ -590,7 +582,6 @@ def jumping(speed):
 
 
 REFUSED = {
-    "dry friction": (dry, {}, "component 'bearing friction' has dry friction"),
     "random table": (
         lambda: tabled(lambda body: uqmbd.t, uqmbd.RandomVariable("start", chaospy.Uniform(0, 1), units="s")),
         {},

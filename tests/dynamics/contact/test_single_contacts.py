@@ -129,3 +129,76 @@ def test_first_impacts_of_other_bodies(falling, name, seed, tilt, friction, rest
     for key, size in {"vx": 3, "vy": 3, "spin": 30}.items():
         values[:, names.index(key)] = size * random.uniform(-1, 1, 6)
     compare(Ensemble(model, values), np.linspace(0, 0.05, 6), 1e-6)
+
+
+RANGES = {"x": (-1, 1), "y": (-1, 1), "z": (-0.6, -0.2), "jx": (0.02, 0.5), "jy": (0.02, 0.5), "jz": (0.02, 0.5)}
+RANGES |= {name: (-2, 2) for name in ("vx", "vy", "wx", "wy", "wz")} | {"vz": (-3, -1), "mu": (0.05, 1)}
+
+
+def body_with_a_foot():
+    """A body in space of 1 kg, whose foot falls from 1 micrometre above the floor."""
+    n = {name: uqmbd.RandomVariable(name, chaospy.Uniform(*limits)) for name, limits in RANGES.items()}
+    mechanism = uqmbd.Mechanism("foot", uqmbd.Spatial(gravity=(0, 0, 0)))
+    velocity, spin = (tuple(n[a + b] for b in "xyz") for a in "vw")
+    place, inertia = (0, 0, 1e-6 - n["z"]), (n["jx"], n["jy"], n["jz"])
+    body = mechanism.body("body", mass=1, inertia=inertia, position=place, velocity=velocity, angular_velocity=spin)
+    foot = (n["x"], n["y"], n["z"])
+    law = {"restitution": 0.4, "friction": n["mu"]}
+    mechanism.add(PlaneImpact("foot", mechanism.ground, body, (0, 0, 0), foot, (0, 0, 1), **law))
+    return mechanism
+
+
+def distances(x):
+    """Angles between neighbouring directions of slip of the impact of a foot, by the roots of a polynomial in exp(i a)."""
+    arm, spin = np.array([x["x"], x["y"], x["z"]]), np.array([x["wx"], x["wy"], x["wz"]])
+    cross = np.cross(np.eye(3), arm)
+    matrix = np.eye(3) + cross.T @ np.diag(1 / np.array([x["jx"], x["jy"], x["jz"]])) @ cross
+    before = np.array([x["vx"], x["vy"], x["vz"]]) + np.cross(spin, arm)
+    if before[2] > -0.5:
+        return None
+    a = 2 * np.pi * np.arange(5) / 5
+    d = np.array([np.cos(a), np.sin(a)])
+    slide = before[:2, None] * (matrix[2, 2] - x["mu"] * matrix[2, :2] @ d)
+    slide = slide - 1.4 * before[2] * (matrix[:2, 2:] - x["mu"] * matrix[:2, :2] @ d)
+    h = np.fft.fft(d[0] * slide[1] - d[1] * slide[0]) / 5
+    z = np.roots([h[2], h[1], h[0], h[4], h[3]])
+    found = np.sort(np.angle(z[np.abs(np.abs(z) - 1) < 1e-7]))
+    return np.diff(np.append(found, found[:1] + 2 * np.pi))
+
+
+def nearly_equal_directions(rng, apart):
+    """Inputs between two random ones with different numbers of directions, next to where two directions coincide."""
+    low, high = rng.uniform(size=(2, len(RANGES)))
+    limits = np.array(list(RANGES.values())).T
+
+    def at(part):
+        values = limits[0] + (low + part * (high - low)) * (limits[1] - limits[0])
+        return values, distances(dict(zip(RANGES, values.tolist(), strict=True)))
+
+    ends = [at(part)[1] for part in (0.0, 1.0)]
+    if any(x is None for x in ends) or len(ends[0]) == len(ends[1]):
+        return None
+    left, right = 0.0, 1.0
+    for _ in range(50):
+        middle = (left + right) / 2
+        found = at(middle)[1]
+        if found is None:
+            return None
+        left, right = (middle, right) if len(found) == len(ends[0]) else (left, middle)
+    more = -1 if len(ends[0]) > len(ends[1]) else 1
+    values, found = at(min(max(0.0, left + more * apart), 1.0))
+    return values if found is not None and len(found) == max(map(len, ends)) else None
+
+
+@pytest.mark.thorough
+def test_impacts_with_close_directions_of_slip(count=150):
+    """Two of at most four directions of slip nearly coincide: half of the distances are below 3e-3 rad."""
+    mechanism, rng, rows = body_with_a_foot(), np.random.default_rng(3), []
+    while len(rows) < count:
+        if (one := nearly_equal_directions(rng, 10 ** rng.uniform(-12, -2))) is not None:
+            rows.append(one)
+    order = [list(RANGES).index(name) for name in mechanism.inputs.names]
+    least = [distances(dict(zip(RANGES, row.tolist(), strict=True))).min() for row in rows]
+    assert np.median(least) < 3e-3 and min(least) < 1e-4
+    ensemble = Ensemble(build(mechanism), np.array(rows)[:, order])
+    compare(ensemble, np.linspace(0, 1e-5, 3), 1e-6)

@@ -9,12 +9,15 @@
 #include "group.h"
 
 static const double UNSTABLE = 1e-9; /* negative stiffness of contacts, relative to their own, that counts as zero */
+static const double GROWN = 1e6;     /* entry of a matrix exponential that counts as unbounded */
 
 enum {
     MOST_STATES = 64,
     ITERATIONS_OF_LAWS = 40,
     RELAXATIONS = 300, /* sweeps over all contacts */
     MOST_BLOWS = 200, /* collisions at an instant; after them, the impact is without restitution */
+    TERMS = 16,       /* of the series of an exponential function */
+    SQUARINGS = 35,   /* exp(17) for an eigenvalue of -UNSTABLE and a norm of one; rounding grows to 1e-5 */
 };
 
 /* Simultaneous collision, or forces: speeds before it, or accelerations without forces, and their changes. */
@@ -335,33 +338,55 @@ static void set_forces(const Closed *c, const int *slides, double (*heading)[2],
     set_own_units(x);
 }
 
-/* Whether compliant contacts in the place of those with a force return to them: all eigenvalues of the responses have
-   positive real parts.  The symmetric part decides, or, of two rows, trace and determinant.  Given normal forces do not
-   respond. */
+/* Whether no solution of x' = -a x grows: exp(-a t) by its series, squared until eigenvalues with a real part of -UNSTABLE
+   have grown by far.  Redundant contacts have eigenvalues of zero, whose parts stay. */
+static int decays(int64_t size, double (*a)[MOST_ROWS]) {
+    double power[MOST_ROWS][MOST_ROWS], product[MOST_ROWS][MOST_ROWS], norm = 0.0;
+    for (int64_t i = 0; i < size; i++) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < size; j++) sum += __builtin_fabs(a[i][j]);
+        norm = greatest(norm, sum);
+        for (int64_t j = 0; j < size; j++) power[i][j] = i == j;
+    }
+    if (!(norm > 0.0)) return 1;
+    for (int64_t term = TERMS; term > -SQUARINGS; term--) {
+        /* Horner's rule, then squares */
+        double largest = 0.0;
+        for (int64_t i = 0; i < size; i++)
+            for (int64_t j = 0; j < size; j++) {
+                double sum = 0.0;
+                for (int64_t k = 0; k < size; k++) sum += (term > 0 ? a[i][k] : power[i][k]) * power[k][j];
+                product[i][j] = term > 0 ? (i == j) - sum / (norm * (double)term) : sum;
+                largest = greatest(largest, __builtin_fabs(product[i][j]));
+            }
+        if (!(largest < GROWN)) return 0;
+        for (int64_t i = 0; i < size; i++)
+            for (int64_t j = 0; j < size; j++) power[i][j] = product[i][j];
+    }
+    return 1;
+}
+
+/* Whether compliant contacts in the place of those with a force return to them: no eigenvalue of the responses has a
+   negative real part.  The symmetric part is sufficient.  Given normal forces do not respond. */
 static int is_stable(const Collision *x, const double *force) {
-    double a[MOST_ROWS][MOST_ROWS];
+    double a[MOST_ROWS][MOST_ROWS], half[MOST_ROWS][MOST_ROWS];
     int64_t held[MOST_ROWS], size = 0;
     for (int64_t k = 0; k < x->count; k++)
         for (int64_t i = x->first[k] + (x->given[k] ? 1 : 0); i < x->first[k + 1] && force[x->first[k]] > 0.0; i++)
             held[size++] = i;
     for (int64_t i = 0; i < size; i++)
         for (int64_t j = 0; j < size; j++) {
-            double sum = x->matrix[held[i]][held[j]] + x->matrix[held[j]][held[i]];
-            a[i][j] = 0.5 * sum * x->unit[held[i]] * x->unit[held[j]] + (i == j ? UNSTABLE : 0.0);
+            double unit = x->unit[held[i]] * x->unit[held[j]];
+            a[i][j] = x->matrix[held[i]][held[j]] * unit;
+            half[i][j] = 0.5 * (a[i][j] + x->matrix[held[j]][held[i]] * unit) + (i == j ? UNSTABLE : 0.0);
         }
     int positive = 1;
     for (int64_t k = 0; k < size && positive; k++) {
-        positive = a[k][k] > 0.0;
+        positive = half[k][k] > 0.0;
         for (int64_t i = k + 1; i < size; i++) {
-            double factor = a[i][k] / a[k][k];
-            for (int64_t j = k + 1; j < size; j++) a[i][j] -= factor * a[k][j];
+            double factor = half[i][k] / half[k][k];
+            for (int64_t j = k + 1; j < size; j++) half[i][j] -= factor * half[k][j];
         }
     }
-    if (positive || size != 2) return positive;
-    double unit[2] = {x->unit[held[0]], x->unit[held[1]]}, across = 1.0;
-    for (int64_t i = 0; i < 2; i++) {
-        a[i][i] = x->matrix[held[i]][held[i]] * unit[i] * unit[i] + UNSTABLE;
-        across *= x->matrix[held[i]][held[1 - i]] * unit[0] * unit[1];
-    }
-    return a[0][0] + a[1][1] > 0.0 && a[0][0] * a[1][1] - across > 0.0;
+    return positive || decays(size, a);
 }

@@ -158,6 +158,7 @@ static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Ou
 static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, int64_t kind, Outcome *o, int *project,
                             Limit *limit);
 static int complete_limit(const Problem *p, Group *g, int64_t l, Limit *x, Outcome *o);
+static void restore_lasting(const Contacts *c, Group *g, int64_t l, const Stored *x);
 
 /* What the event of a lane may be. */
 static int64_t kind_of(const Problem *p, const Group *g, int64_t l, int64_t guard) {
@@ -291,7 +292,7 @@ static void decide_modes(const Problem *p, Group *g, const int64_t *guards, cons
     const Encounters *e = g->pool->encounters;
     Lane s = lane_of(p->contacts, g);
     for (int64_t l = 0; l < LANES; l++) {
-        limits[l].needed = 0;
+        limits[l].needed = limits[l].stored = 0;
         if (kinds[l] == UNDECIDED || kinds[l] == REBOUNDS) continue;
         if (!several[l] && kinds[l] != LANDS && kinds[l] != STOPS) continue;
         int64_t m = g->member[l], k = guards[l] / 2, lands = kinds[l] == LANDS;
@@ -300,6 +301,7 @@ static void decide_modes(const Problem *p, Group *g, const int64_t *guards, cons
             int closed = 0;
             if (!decide_all_modes(p, g, l, k, kinds[l], o, &closed, limits + l)) {
                 kinds[l] = UNDECIDED;
+                e->starting[m] = limits[l].starting;
                 continue;
             }
             (*project)[l] = closed ? -1 : 0;
@@ -379,8 +381,8 @@ static void settle(const Problem *p, Group *g, Mask which, const Outcome *outcom
 }
 
 /* Complete the decisions of some lanes with their contacts a short time later, with the present motion. */
-static void look_ahead(const Problem *p, Group *g, const int64_t *guards, Limit *limits, Outcome *outcomes,
-                       int64_t *kinds) {
+static void look_ahead(const Problem *p, Group *g, const int64_t *guards, Limit *limits, Outcome *outcomes, int64_t *kinds,
+                       Mask *project) {
     Mask some = {0};
     V span = splat(0.0);
     copy(g->next, g->z, p->width);
@@ -406,8 +408,13 @@ static void look_ahead(const Problem *p, Group *g, const int64_t *guards, Limit 
     for (int64_t i = 0; i < p->width; i++) g->work[i] = choose(some, g->next[i], g->z[i]);
     g->work[p->time] = smaller(larger(g->now + span, g->low), g->high);
     look(p, g, some, guards);
-    for (int64_t l = 0; l < LANES; l++)
-        if (some[l] && !complete_limit(p, g, l, limits + l, outcomes + l)) kinds[l] = UNDECIDED;
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!some[l] || complete_limit(p, g, l, limits + l, outcomes + l)) continue;
+        kinds[l] = UNDECIDED;
+        (*project)[l] = outcomes[l].turns = 0;
+        g->pool->encounters->starting[g->member[l]] = limits[l].starting;
+        if (limits[l].stored) restore_lasting(p->contacts, g, l, &limits[l].earlier);
+    }
 }
 
 /* Project the states of lanes whose lasting contacts have normal speeds: steps project them to first order only.  Their
@@ -468,7 +475,7 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
             look(p, g, some, guards);
         }
         decide_modes(p, g, guards, several, outcomes, kinds, &project, limits);
-        look_ahead(p, g, guards, limits, outcomes, kinds);
+        look_ahead(p, g, guards, limits, outcomes, kinds, &project);
         settle(p, g, project, outcomes);
     }
     for (int64_t l = 0; l < LANES; l++) {

@@ -204,15 +204,20 @@ static int64_t has_fallen(const Group *g, int64_t l, int64_t fallen, double begi
     return fallen ? begin <= tiny : begin < -tiny;
 }
 
-/* Count an event that has happened, and note it, under its own label or what follows from it. */
-static void note(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
+/* Note an event that has happened, under its own label or what follows from it. */
+static void note_mark(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
     int64_t at = e->noted[m];
-    e->total[m]++;
     if (at >= e->room) return;
     e->mark[m * e->room + at] = event;
     e->mark_labels[m * e->room + at] = label;
     e->mark_times[m * e->room + at] = time;
     e->noted[m]++;
+}
+
+/* Count an event of a contact, and note it; the number of marks is not limited. */
+static void note(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
+    e->total[m]++;
+    note_mark(e, m, time, event, label);
 }
 
 /* Note the marks until parts of the step. */
@@ -245,7 +250,7 @@ static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
                     sought[l] = 0;
                     continue;
                 }
-                note(e, g->member[l], g->now[l] + part[l] * g->size[l], k, AS_DECLARED);
+                note_mark(e, g->member[l], g->now[l] + part[l] * g->size[l], k, AS_DECLARED);
                 fallen[l] = 1;
                 since[l] = part[l];
                 while (first[l] <= SAMPLES && (double)first[l] / SAMPLES <= part[l]) first[l]++;

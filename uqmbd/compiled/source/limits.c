@@ -13,12 +13,19 @@ static const double AHEAD = 100.0;         /* time difference for rates of force
 
 enum { TURNS = 4 }; /* steps of Newton's method for the directions of sliding */
 
-/* A decision on lasting contacts of a lane: their states before it, contacts at their limit, and those of them that slip
-   in any case. */
+/* Lasting contacts of a lane, and the numbers of its events. */
 typedef struct {
-    int needed, again, limited[MOST_CLOSED], forced[MOST_CLOSED];
+    int64_t count, event[MOST_CLOSED], mode[MOST_CLOSED], noted, total;
+    double heading[MOST_CLOSED][MOST_DIRECTIONS], internal[MOST_CLOSED][MOST_DIRECTIONS];
+} Stored;
+
+/* A decision on lasting contacts of a lane: their states before it, contacts at their limit, and those of them that slip
+   in any case; if `stored`, it has changed contacts, which were `earlier`; `starting`: the speed that was none before. */
+typedef struct {
+    int needed, again, stored, limited[MOST_CLOSED], forced[MOST_CLOSED];
     int64_t before[MOST_CLOSED];
-    double span;
+    double span, starting;
+    Stored earlier;
     Closed now;
     Lasting lasting;
 } Limit;

@@ -150,6 +150,45 @@ static int collect_closed(const Problem *p, const Group *g, int64_t l, double sl
     return !x->count || complete(p, g, l, x);
 }
 
+/* Store the lasting contacts of a lane, and what is noted about it; whether there is room. */
+static int store_lasting(const Contacts *c, const Group *g, int64_t l, Stored *x) {
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l];
+    x->noted = e->noted[m];
+    x->total = e->total[m];
+    x->count = 0;
+    for (int64_t k = 0; k < c->events; k++) {
+        if (e->mode[m * c->events + k] == OPEN) continue;
+        if (x->count == MOST_CLOSED || c->first[k + 1] - c->first[k] > MOST_DIRECTIONS) return 0;
+        for (int64_t d = c->first[k]; d < c->first[k + 1]; d++) {
+            x->heading[x->count][d - c->first[k]] = e->heading[m * c->directions + d];
+            x->internal[x->count][d - c->first[k]] = e->internal[m * c->directions + d];
+        }
+        x->mode[x->count] = e->mode[m * c->events + k];
+        x->event[x->count++] = k;
+    }
+    return 1;
+}
+
+/* Restore what was stored: a decision that the caller has to take changes nothing. */
+static void restore_lasting(const Contacts *c, Group *g, int64_t l, const Stored *x) {
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l];
+    e->noted[m] = x->noted;
+    e->total[m] = x->total;
+    for (int64_t k = 0; k < c->events; k++) e->mode[m * c->events + k] = OPEN;
+    for (int64_t d = 0; d < c->directions; d++) e->heading[m * c->directions + d] = e->internal[m * c->directions + d] = 0.0;
+    for (int64_t i = 0; i < x->count; i++) {
+        int64_t first = c->first[x->event[i]];
+        e->mode[m * c->events + x->event[i]] = x->mode[i];
+        for (int64_t d = first; d < c->first[x->event[i] + 1]; d++) {
+            e->heading[m * c->directions + d] = x->heading[i][d - first];
+            e->internal[m * c->directions + d] = x->internal[i][d - first];
+        }
+    }
+    g->touching[l] = x->count ? -1 : 0;
+}
+
 /* States of the lasting contacts of a lane so far, with their forces. */
 static int lasting_so_far(const Contacts *c, const Group *g, int64_t l, const Closed *x, Lane *s, int with_internal,
                           Lasting *found) {
@@ -251,8 +290,9 @@ static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, in
     double still = slow_speed(e, m), slow = kind == STOPS ? greatest(still, e->starting[m]) : still;
     Lane s = lane_of(c, g);
     Touch t = touch_of(p, g, l, k);
-    *project = limit->needed = 0;
+    *project = limit->needed = limit->stored = 0;
     limit->again = g->now[l] <= e->later[m];
+    limit->starting = e->starting[m];
     if (kind == STOPS && length_along(&t, t.speed) > slow) { /* a fast slide has only changed its direction */
         turns_slide(g, l, &t, SLIP, e->heading + m * c->directions + c->first[k] + 1);
         return 1;
@@ -286,11 +326,17 @@ static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, in
                 return 1;
             }
     }
+    limit->stored = kind == STARTS && sticks;
+    if (limit->stored && !store_lasting(c, g, l, &limit->earlier)) return 0;
     note_contacts(c, g, l, o, x, found->mode);
     keep_lasting(c, g, l, x, found);
     note_turns(x, found, o);
     *project = closed > 0;
-    if (kind == STARTS && sticks) return prepare_limit(p, g, l, k, limit);
+    if (limit->stored) {
+        if (prepare_limit(p, g, l, k, limit)) return 1;
+        restore_lasting(c, g, l, &limit->earlier);
+        return *project = o->turns = 0;
+    }
     note_slides(g, l, x, limit->before, found->mode);
     if (kind == STOPS) e->starting[m] = slips ? STARTING * g->floor[l] : 0.0;
     return 1;

@@ -126,7 +126,7 @@ def integrate_with_events(
         integrations=int(motion.encounters.restarts.sum()),
         accelerations=motion.run.evaluations,
         steps=int(motion.run.steps.sum()),
-        events=int(motion.records.count.sum()),
+        events=len(motion.records),
         two_motions=len(motion.decisions.several),
         by_dop853=0 if stages else len(members),
         by_radau=len(members) if stages else 0,

@@ -19,10 +19,10 @@ CHANGES = {Happening.STICK: "stick", Happening.SLIP: "slip", Happening.REST: "re
 
 
 class Records:
-    """Events of M realisations; `count` (M,) is the number of events of each."""
+    """Events of M realisations."""
 
     def __init__(self, model: Model, encounters: Encounters) -> None:
-        self.model, self.encounters, self.count = model, encounters, encounters.total
+        self.model, self.encounters = model, encounters
         labels = [*(label for _, label, _ in model.events), *CHANGES.values()]
         self.labels = list(dict.fromkeys(labels))
         own = [self.labels.index(label) for _, label, _ in model.events]
@@ -32,10 +32,14 @@ class Records:
         self._parts: list[tuple[Index, Array, Index, Index]] = []
 
     def add(self, member: int, time: float, event: int, label: str) -> None:
-        """Record one event."""
+        """Record one event of a contact."""
         where = np.array([member]), np.array([time]), np.array([event]), np.array([self.labels.index(label)])
         self._parts.append(where)
-        self.count[member] += 1
+        self.encounters.total[member] += 1
+
+    def __len__(self) -> int:
+        """Return the number of events of all realisations."""
+        return sum(len(members) for members, *_ in self._parts)
 
     def take(self) -> None:
         """Take the events that the driver has recorded."""

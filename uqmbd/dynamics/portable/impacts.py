@@ -20,11 +20,6 @@ SAMPLES = 8
 
 def impact_obstacle(model: Model) -> str:
     """Return why the events of a model have no form in C, or an empty text."""
-    loads = model.given_loads or (False,) * len(model.events)
-    for (component, *_), given in zip(model.events, loads, strict=True):
-        if given:
-            why = "has dry friction, whose sticking requires Python code; use smooth friction"
-            return f"component {component!r} {why}"
     maps = [model.outputs, *(loop.measure for loop in model.controls)]
     if _touches(model) and any(one.accelerates for one in maps):
         names = ", ".join(repr(component) for component, *_, directions in model.events if directions)
