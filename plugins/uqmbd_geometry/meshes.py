@@ -78,7 +78,7 @@ def read_surface(path: str | os.PathLike[str], where: str) -> Any:
         text = " ".join(str(error).split())[:200]
         raise uqmbd.StudyError(f"{where}: {str(path)!r} is not a readable {kind.upper()} mesh: {text}.") from error
     if not len(made.faces):
-        raise uqmbd.StudyError(f"{where}: all triangles of {str(path)!r} are degenerate.")
+        raise uqmbd.StudyError(f"{where}: all triangles of {str(path)!r} have the area zero; expected a surface.")
     return made
 
 

@@ -45,7 +45,8 @@ def animate_study(
     frames = max(2, round(fps * lasting))
     if frames > MOST_FRAMES:
         raise StudyError(
-            f"{frames} frames ({fps:g} per second for {lasting:g} s) are too many; the maximum is {MOST_FRAMES}."
+            f"{frames} frames ({fps:g} per second for {lasting:g} s) are too many; expected at most {MOST_FRAMES}. "
+            "Use a smaller --fps or --seconds."
         )
     data = motion(study, samples=samples, frames=frames, method=method)
     written = animate(data, target, seconds=lasting)

@@ -67,7 +67,8 @@ class Series:
                 "time, or no times for a scalar output."
             )
         if not np.isfinite(times).all():
-            raise uqmbd.StudyError(f"{where}: time no. {_first(~np.isfinite(times))} is not a finite number.")
+            place = _first(~np.isfinite(times))
+            raise uqmbd.StudyError(f"{where}: time no. {place} is not a finite number; expected times in s.")
         if np.isinf(values).any():
             raise uqmbd.StudyError(
                 f"{where}: value no. {_first(np.isinf(values))} is infinite. Omit missing values, or "

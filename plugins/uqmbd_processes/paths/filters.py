@@ -200,7 +200,7 @@ def shaping_filter(where: str, given: Any) -> ShapingFilter:
     if np.linalg.eigvals(a).real.max() >= 0:
         raise uqmbd.StudyError(
             f"{where}: filter is not stable: an eigenvalue of A has no negative real part, so that the process is not "
-            "stationary."
+            "stationary. Give a matrix A whose eigenvalues have negative real parts."
         )
     rows = tuple(tuple(float(x) for x in row) for row in a)
     return ShapingFilter(rows, tuple(b.ravel().tolist()), tuple(c.ravel().tolist()))

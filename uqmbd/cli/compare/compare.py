@@ -58,7 +58,7 @@ def _show_all(
     for (letter, tree), path in zip(trees.items(), paths, strict=True):
         found = propagator_nodes(tree)
         if not found:
-            raise StudyError(f"{path} contains no results.")
+            raise StudyError(f"{path} contains no results of a method; expected the results of `uqmbd run`.")
         nodes |= {f"{letter} {label}": node for label, node in found.items()}
         screen.print(Text(f"{letter}  {path}: {', '.join(found)}"))
         if not_verified(tree):

@@ -43,7 +43,7 @@ def friction_event(
     """Return dry friction in local symbols: a contact without a gap, whose normal force is the limit."""
     load, sliding = settled(term.limit), tuple(settled(x) for x in flatten(term.sliding))
     if still := [x for x in sliding if not x.free_symbols & velocities]:
-        raise StudyError(f"{where}: the speed {still[0]} of a DryFriction contains no velocity.")
+        raise StudyError(f"{where}: sliding={still[0]} of a DryFriction contains no velocity; expected a velocity.")
     gap = -GAP * load / sympy.sqrt(load**2 + LEAST**2)
     return EventType("slip", gap, (sympy.S.Zero, *sliding), sympy.S.Zero, sympy.S.One, load, dry=True)
 

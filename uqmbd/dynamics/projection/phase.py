@@ -308,10 +308,10 @@ def require_phase(projected: ProjectedEquations) -> None:
     model = projected.model
     where = f"mechanism {model.name!r}: with a phase as the independent variable,"
     if model.controls:
-        raise StudyError(f"{where} controllers, which sample in time, cannot be followed. {_aligned('auto')}.")
+        raise StudyError(f"{where} uqmbd cannot follow controllers, which sample in time. {_aligned('auto')}.")
     if names := dict.fromkeys(component for component, _, directions in model.events if directions):
         raise StudyError(
-            f"{where} impacts cannot be followed, such as those of {', '.join(map(repr, names))}. {_aligned('events')}."
+            f"{where} uqmbd cannot follow the impacts of {', '.join(map(repr, names))}. {_aligned('events')}."
         )
     if not projected.coupled.compiled:
         raise StudyError(f"{where} the explicit integrator is used, for which this mechanism is too large.")

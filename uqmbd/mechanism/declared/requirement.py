@@ -103,7 +103,8 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
     value = require_recordable(where, margin)
     if not value.free_symbols:
         raise StudyError(
-            f"{where}: the relation {relation} contains neither a quantity of the mechanism nor a random variable."
+            f"{where}: the relation {relation} contains neither a quantity of the mechanism nor a random variable; "
+            "expected a relation such as body.position[0] <= 0.47."
         )
     if value.free_symbols == {t}:
         raise StudyError(

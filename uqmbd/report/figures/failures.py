@@ -247,7 +247,7 @@ def failed_inputs(node: Samples, reason: int | FailureGroup) -> FailedInputs:
             )
         reason = reasons[reason]
     if not names:
-        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
+        raise StudyError(f"The study of {label_of(node)!r} has no random inputs, which this figure shows.")
     fine = np.flatnonzero(samples["status"].values == Status.OK)
     best = [s.index for s in separating_inputs(node, reason)[:2]]
     some, bad = (which[:: -(-len(which) // _MOST_POINTS)] if len(which) else which for which in (fine, reason.samples))

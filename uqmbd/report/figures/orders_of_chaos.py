@@ -182,7 +182,7 @@ def order_convergence(results: Results, output: str, *, reference: str | None = 
 
 def _statistics(nodes: Mapping[str, xr.DataTree], label: str, output: str) -> xr.Dataset:
     if label not in nodes:
-        raise StudyError(f"The reference {label!r} is not among the methods {', '.join(map(repr, nodes))}.")
+        raise StudyError(f"The reference is {label!r}; expected one of the methods {', '.join(map(repr, nodes))}.")
     return of_output(nodes[label].children["statistics"], output)
 
 

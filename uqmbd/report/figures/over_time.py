@@ -234,9 +234,10 @@ def differences(results: Results, output: str, *, reference: str | None = None) 
     nodes = nodes_of(results)
     chosen = choose_reference(nodes) if reference is None else reference
     if chosen not in nodes:
-        raise StudyError(f"The reference {chosen!r} is not among the methods {', '.join(map(repr, nodes))}.")
+        known = ", ".join(map(repr, nodes))
+        raise StudyError(f"differences: reference is {chosen!r}; expected one of the methods {known}.")
     if len(nodes) < 2:
-        raise StudyError("A difference needs at least two methods; there is one.")
+        raise StudyError(f"differences: only {chosen!r} has results; expected the results of two or more methods.")
     charts = [difference_chart(nodes, output, chosen, statistic) for statistic in ("mean", "std")]
     return draw_on_paper(Views(charts, columns=1, shared=True, heights=(1.15, 1.15)))
 

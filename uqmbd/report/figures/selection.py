@@ -64,9 +64,9 @@ def samples_of(node: Samples) -> xr.Dataset:
     if isinstance(node, xr.Dataset):
         if {"response", "status"} <= set(node.data_vars):
             return node
-        raise StudyError("This figure is drawn from samples: a dataset with 'response' and 'status' is needed.")
+        raise StudyError("This figure shows samples: the dataset has no 'response' or no 'status'; expected both.")
     if "samples" not in node.children:
-        raise StudyError(f"The propagator {node.name!r} stored no samples; this figure is drawn from samples.")
+        raise StudyError(f"The propagator {node.name!r} stored no samples, which this figure shows.")
     return node.children["samples"].to_dataset()
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Count, typechecked
 from uqmbd.errors import StudyError
+from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.report.charts import Band, Chart, Column, Curve, Look, Span, Views, draw_on_paper
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.report.figures.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
@@ -118,7 +119,11 @@ def node_with_indices(results: Results) -> xr.DataTree:
     nodes = nodes_of(results)
     candidates = {label: node for label, node in nodes.items() if has_indices(node)}
     if not candidates:
-        raise StudyError(f"There are no Sobol' indices over time in {', '.join(map(repr, nodes))}.")
+        names = ", ".join(map(repr, nodes))
+        raise StudyError(
+            f"The results of {names} contain no Sobol' indices over time. Use outputs over time, and a method that "
+            f"computes indices{such_as(InputTreatment.INTERPOLATE)}."
+        )
     if not surrogate_nodes(candidates):
         return next(iter(candidates.values()))
     chosen, errors = finest(candidates), {label: _typical_error(node) for label, node in candidates.items()}

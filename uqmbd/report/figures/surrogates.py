@@ -121,7 +121,10 @@ def finest(nodes: Mapping[str, xr.DataTree]) -> str:
     """
     found = chaos_nodes(nodes) or surrogate_nodes(nodes)
     if not found:
-        raise StudyError("None of these results contains a polynomial chaos of outputs over time.")
+        raise StudyError(
+            "None of these results contains a polynomial chaos of outputs over time. Use a method that computes one"
+            f"{such_as(InputTreatment.INTERPOLATE)}."
+        )
     return max(found, key=lambda label: (order_of(found[label]), int(found[label].attrs.get("realisations", 0))))
 
 

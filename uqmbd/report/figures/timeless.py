@@ -141,7 +141,10 @@ def scalar_densities(results: Results) -> Figure:
     """
     found = scalars_chart(results)
     if found is None:
-        raise StudyError("There are no samples and no polynomial chaos of scalar outputs.")
+        raise StudyError(
+            "scalar_densities: the results have neither samples nor a polynomial chaos of scalar outputs; expected a "
+            "study with a scalar output, such as a natural frequency or a maximum."
+        )
     return draw_on_paper(found)
 
 

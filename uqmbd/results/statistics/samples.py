@@ -251,7 +251,8 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     """
     given = [Moments.of(np.ravel(part)) for part in parts if np.size(part)]
     if not given or given[0].count < 2:
-        raise StudyError("Statistics of replicates need at least two samples in the first replicate.")
+        first = given[0].count if given else 0
+        raise StudyError(f"replicate_statistics: the first replicate has {first} samples; expected two or more.")
     so_far = list(accumulate(given, Moments.merge))
     errors = [replicate_errors(given[: last + 1]) for last in range(len(given))]
     return {

@@ -78,7 +78,9 @@ def begin(folder: Path, *, resume: bool) -> None:
                 part.write_text(_OWNER_TEXT)
     except OSError as error:
         where = error.filename or place
-        raise StudyError(f"{where} cannot be written: {error.strerror or error}.") from error
+        raise StudyError(
+            f"{where} cannot be written: {error.strerror or error}. Use another folder (--out DIR; in Python: folder=)."
+        ) from error
 
 
 def make(folder: Path) -> None:
