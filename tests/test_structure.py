@@ -40,7 +40,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6_840,
     "uqmbd.randomness": 5_590,
     "uqmbd.report": 8_700,
-    "uqmbd.results": 9_820,
+    "uqmbd.results": 9_830,
     "uqmbd.testing": 2_810,
     "uqmbd.units": 285,
     "uqmbd.viewer": 740,
