@@ -365,7 +365,7 @@ def _errors(chaos: Part) -> Array:
 
 
 def _largest(std: Array, size: Array, rtol: float) -> Array:
-    """Return the largest standard deviations over time (O,) of `std` (O, T), or of `size` if `std` is negligible."""
+    """Return the maximum over time (O,) of `std` (O, T), or, if `std` is negligible, of the outputs' `size` (O, T)."""
     found, other = np.fmax.reduce(std, axis=-1), np.fmax.reduce(size, axis=-1)
     return np.asarray(np.where(found > rtol * other, found, np.where(other > 0, other, 1.0)))
 

@@ -21,9 +21,10 @@ NOISE = 1e-8
 """A spread below this multiple of the largest earlier spread counts as rounding error."""
 
 TURNED = 0.5
-"""Two times share an order of terms if sin(angle between their responses) / (error of the fit) is at most this ratio.
+"""Largest ratio of sin(angle between the responses at two times) to the error of the fit at which both use one order.
 
-A smaller ratio requires more orders of terms with little gain, because the error includes the effect of the order."""
+The order is the sequence in which terms enter the fit. A smaller ratio requires more sequences with little gain,
+because the error of the fit includes the effect of the sequence."""
 
 ENOUGH = 1e-7
 """No better order of terms is sought if the error of a fit is below this multiple of the standard deviation."""

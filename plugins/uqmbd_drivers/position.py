@@ -85,7 +85,7 @@ class DistanceDriver(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the side of point i on which point j is in the given pose of a line, 1 or -1."""
+        """Return, for a mechanism on a line, the side of point i (1 or -1) on which point j is in the given pose."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

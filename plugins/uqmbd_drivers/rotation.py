@@ -22,10 +22,10 @@ class RotationDriver(uqmbd.Component):
     ``angle=2 * joint.angle``; body j then follows these joints.
 
     Angles of bodies, of joints and in springs count turns from the start. The initial angles are within half a turn of
-    the given pose. If the initial angle of the driver is further away (7 rad, for a given angle of 0), a
-    `uqmbd.StudyWarning` is issued. To avoid the warning, give the body the initial angle, or also state
-    ``mechanism.start(joint.angle, 7)``, which includes the earlier turns. For a driver that follows a joint, state the
-    initial angles of both.
+    the given pose. If the initial angle of the driver is further away, such as 7 rad with a given angle of 0, uqmbd
+    issues a `uqmbd.StudyWarning`. To avoid the warning, give the body the initial angle. Alternatively, add
+    ``mechanism.start(joint.angle, 7)``, so that the angle of the joint includes the earlier turns. For a driver that
+    follows a joint, state the initial angles of both.
 
     Examples
     --------

@@ -48,11 +48,11 @@ class FmuExporter:
 
     @property
     def _compiler(self) -> str | None:
-        """The argument `compiler` of `export_fmu`: the text "none" is a choice, and no option is None."""
+        """Argument `compiler` of `export_fmu`, which is None, the default, for the option "auto"."""
         return None if self.compiler == "auto" else self.compiler
 
     def remark(self, what: str, study: Any) -> str:
-        """Return which random variables can be inputs of a mechanism, and its contacts if there are several."""
+        """Return remarks: possible inputs, variables that can only be parameters, contacts, and omitted outputs."""
         if what == "surrogate":
             return ""
         motion = uqmbd.extend.motion_source(study.mechanism, study.times)

@@ -111,12 +111,12 @@ def export_fmu(
     windows : bool
         Whether to add a binary for 64-bit Windows, which zig compiles. This binary is not tested.
     times : sequence of float
-        Of a mechanism: start, stop and further output times of the default experiment, s.
+        For a mechanism: start, stop and further output times of the default experiment, s.
     inputs : sequence of str
-        Of a mechanism: names of random variables that become inputs of the FMU, such as forces and commands. They are
+        For a mechanism: names of random variables that become inputs of the FMU, such as forces and commands. They are
         constant in each communication step. All other random variables are parameters, which are fixed at the start.
     rtol : float
-        Of a mechanism: relative tolerance, unless the simulation sets one.
+        For a mechanism: relative tolerance, unless the simulation sets one.
 
     Returns
     -------

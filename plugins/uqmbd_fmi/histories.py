@@ -26,7 +26,7 @@ STATES = ("history 1", "history 2")
 """States of the controller: the two halves of the hash."""
 
 HALF = 1 << 26
-"""Number of values of each half; the states are multiples of its inverse, which integrators keep exactly."""
+"""Number of values of each half of a hash. A state is an integer divided by this power of two, so no digit is lost."""
 
 INSTANCES = 1024
 """Largest number of instances of a process; a group has at most 512 realisations."""
@@ -49,7 +49,7 @@ BEGIN: Key = (0, 0)
 
 @dataclass
 class _CallHistory:
-    """An instance, its samples until a failure, and the results of the last ones by number.
+    """Instance with its samples until a failure, and the results of the last samples by their number.
 
     After sample number `failed`, the history has no instance and stores no more samples.
     """
@@ -67,7 +67,8 @@ class _CallHistory:
 class FmuFunction:
     """Function of a controller, ``function(time, measured, state)``, whose commands an FMU computes.
 
-    The measured values are those of `inputs`, then those of `parameters`; both are value references, as `outputs`.
+    The measured values are the values of the inputs, then of the parameters. The fields `inputs`, `parameters` and
+    `outputs` contain value references of the FMU.
     """
 
     name: str

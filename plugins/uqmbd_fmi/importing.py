@@ -55,15 +55,15 @@ def fmu_controller(
     path : str or pathlib.Path
         FMU for co-simulation, of FMI 2.0 or 3.0, with a binary for this platform.
     inputs : mapping of str to str or expression
-        From inputs of the FMU to measured quantities: names of outputs of the mechanism, or scalar expressions. Inputs
-        of the FMU that are left out have their start values.
+        Measured quantity for each input of the FMU: the name of an output of the mechanism, or a scalar expression.
+        Inputs of the FMU that are not in the mapping have their start values.
     outputs : sequence of str, or mapping of str to str
         Outputs of the FMU that are commands; a mapping also states their units.
     rate : float
         Sampling rate, Hz.
     parameters : mapping of str to number or expression, optional
-        From parameters of the FMU to values, which may contain random variables. Parameters that are integers,
-        Booleans or texts have fixed values.
+        Value of each parameter of the FMU, which may contain random variables. Values of parameters that are integers,
+        Booleans or texts must be fixed.
     delay : float
         Time from a sample until its commands act, s.
     limits, initial : optional

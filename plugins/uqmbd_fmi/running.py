@@ -51,7 +51,7 @@ def description_of(content: bytes, where: str) -> Any:
     fmpy = fmpy_package(where)
     try:
         return fmpy.read_model_description(io.BytesIO(content))
-    except Exception as error:  # FMPy raises errors of XML, of archives and its own
+    except Exception as error:  # FMPy, its XML parser and its archive reader raise various types
         shown = " ".join(str(error).split())[:300]
         raise StudyError(
             f"{where}: FMPy cannot read the model description ({type(error).__name__}: {shown}); expected an FMU of "

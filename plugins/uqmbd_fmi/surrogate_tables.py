@@ -339,8 +339,9 @@ def _stated_errors(node: xr.DataTree, one: Any) -> Array | None:
 def _interpolation_errors(one: Any) -> Array:
     """Return the largest errors (O, T - 1) of linear interpolation in each interval, as root mean squares over inputs.
 
-    The error in the middle of an interval is an eighth of the second difference; the larger one of both ends counts.
-    Parts that are exact at any time have no such error.
+    The error in the middle of an interval is ``h^2 / 8`` times the second derivative, with the length h of the
+    interval. The function uses the larger of the second derivatives at both ends. Surrogates that are exact at any time
+    have no interpolation error.
     """
     times, outputs = one.labels.times, len(one.labels.outputs)
     if times is None or len(times) < 2:

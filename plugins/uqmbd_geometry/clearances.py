@@ -155,7 +155,7 @@ def instant_of(part: Any) -> float | None:
 
 
 def _declared(function: Any, data: Any, digest: str, label: str, count: int) -> Any:
-    """Return a summary with data, of lengths in m and of numbers without units."""
+    """Return a summary with its data and label; its further arguments are numbers without a unit."""
     units = ["" if k else "m" for k in range(count)]
     return function.with_data(uqmbd.extend.SummaryData(data, digest, label), units[1:])
 
@@ -262,7 +262,7 @@ def _at_instant(motion: uqmbd.extend.MotionPolynomials, data: Instants, number: 
 
 
 def _remembered(digest: str, motion: uqmbd.extend.MotionPolynomials, compute: Callable[[], Any]) -> Any:
-    """Return a result of the cache, or compute it."""
+    """Return a result from the cache, or compute the result."""
     key = (digest, motion.begin.tobytes(), motion.coefficients.tobytes())
     if key not in _LATEST:
         if len(_LATEST) >= REMEMBERED:

@@ -1,10 +1,9 @@
 """Distances between two bodies with shapes, by python-fcl, with the precision of rounding errors for most shapes.
 
-Spheres and capsules are points and segments with a radius, boxes are solids or surfaces, and meshes are surfaces of
-triangles.  Their distances are distances of pairs of triangles, which fcl computes directly (J. Pan, S. Chitta and
-D. Manocha, FCL: a general purpose library for collision and proximity queries, 2012).  Distances of cylinders are
-iterative in fcl, with errors of 1e-6 of their size.  They are improved by alternating projections onto the two convex
-solids with Anderson acceleration.
+Spheres and capsules are points and segments with a radius; boxes and meshes are surfaces of triangles. fcl computes
+distances of pairs of triangles directly (J. Pan, S. Chitta and D. Manocha, FCL: a general purpose library for collision
+and proximity queries, 2012). For cylinders, fcl uses an iterative method with errors of 1e-6 of their size. Alternating
+projections onto the two convex solids, with Anderson acceleration, reduce these errors.
 """
 
 from __future__ import annotations

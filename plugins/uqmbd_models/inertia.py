@@ -32,8 +32,8 @@ class Settled:
     """Model with physically possible bodies."""
 
     tree: Tree
-    # by index of the link: moment of inertia about an axis of the link, kg m^2, and this axis; the moment is the excess
-    # of a stated tensor over a possible tensor
+    # by index of the link: the excess of a stated tensor over a possible tensor, as a moment of inertia (kg m^2) about
+    # an axis of the link, and this axis
     rotors: dict[int, tuple[float, Array]]
     rows: list[uqmbd.extend.Omission]  # changes of the model
 

@@ -133,7 +133,7 @@ class WorstRealisations:
 
     @classmethod
     def of(cls, running: Array, failed: Mask, values: Array) -> WorstRealisations:
-        """Find them among running margins (K, requirement, T), with inputs (K, input).
+        """Return the worst realisations from running margins (K, requirement, T) and inputs (K, input).
 
         >>> running = np.array([[[1.0, 0.5, 0.5]], [[2.0, -1.0, -1.0]], [[-9.0, -9.0, -9.0]]])
         >>> found = WorstRealisations.of(running, np.array([False, False, True]), np.array([[1.0], [2.0], [3.0]]))

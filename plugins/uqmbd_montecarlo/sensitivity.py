@@ -87,8 +87,8 @@ def run_sobol(
     names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)
     late = Counter(problem.runner.observed.missing)
     if any(late.values()):
-        # a request with a missing output has no indices; outputs that always occur are requested again without the
-        # others
+        # if an output does not occur in some realisations, no output of this request gets indices; the caller requests
+        # the outputs that always occur again, without the others
         beside = dict.fromkeys(names, "another output of the same computation does not occur in some realisations")
         without = beside | _reasons({names[k]: late[k] for k in late}, problem.runner.observed.counted)
         unknown = np.full((2, dimension, *problem.labels.shape), np.nan)

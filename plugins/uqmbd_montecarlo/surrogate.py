@@ -30,8 +30,8 @@ class ControlSurrogate:
 def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uqmbd.extend.Problem) -> ControlSurrogate:
     """Return the given surrogate, or train one on separate realisations.
 
-    A propagator must return a node with a child ``chaos``. Raise StudyError if this child is missing. Also raise it
-    if the inputs, outputs or times of the surrogate differ from those of the study.
+    A propagator must return a node with a child ``chaos``. Raise StudyError if this child is missing, or if inputs,
+    outputs or times of surrogate and study differ.
     """
     if isinstance(control, PolynomialChaos):
         found = ControlSurrogate(control)

@@ -53,7 +53,7 @@ class UnusedProcesses:
     """Find random processes that act on a mechanism whose outputs do not depend on them."""
 
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
-        """Yield a finding for each component with a process, if no output reads a response or a motion."""
+        """Yield a finding for each process of each component, if no output depends on a random process."""
         mechanism = study.mechanism
         if any(getattr(x, "declared", None) is not None for o in mechanism.observed() for x in _parts(o.expression)):
             return
@@ -71,10 +71,10 @@ class UnusedProcesses:
 
 
 class LostVariance:
-    """State by which share sampled paths change the variance of outputs, by the linear response."""
+    """Find the share of the variance of outputs that sampled paths change, by the linear response."""
 
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
-        """Yield a finding for each process whose sampled paths lose variance."""
+        """Yield one finding on all processes whose sampled paths lack a part of the variance, if there are any."""
         mechanism = study.mechanism
         if not any(variable.is_key for variable in mechanism.inputs.variables):
             return
@@ -143,7 +143,7 @@ def _lost_share(system: LinearSystem, factor: float) -> tuple[NDArray[np.float64
 
 
 def _is_apart(system: LinearSystem) -> bool:
-    """Return whether the responses to all processes are rounding of the states, so that an output has no response."""
+    """Return whether the responses of an output to all processes are rounding errors of the states."""
     frequencies = np.abs(system.eigenvalues)
     frequencies = np.where(frequencies > 0, frequencies, 1.0)
     identity = np.eye(system.a.shape[1])
@@ -165,7 +165,7 @@ class _Density:
 
 
 def _effect(processes: Iterable[RandomProcess]) -> str:
-    """Return what paths do with the frequencies that they do not resolve."""
+    """Return whether paths omit the frequencies that they do not resolve, or fold them to lower frequencies."""
     found = {"are folded to lower frequencies" if p.paths == "filter" else "are missing" for p in processes}
     return " or ".join(sorted(found))
 
@@ -209,7 +209,7 @@ def _lower_cutoff(every: list[list[float]]) -> tuple[float, float] | None:
 
 
 def _tail(process: RandomProcess, factor: float) -> RandomProcess:
-    """Return the process of the part that sampled paths change, with the cutoff times a factor.
+    """Return a process with the density that sampled paths change, if the cutoff is multiplied by a factor.
 
     Paths of harmonics have no frequencies above their band.  Paths of filters fold these frequencies into their band.
     Expansions omit eigenfunctions, whose spectra also contain lower frequencies.
@@ -242,9 +242,10 @@ def _expressions_over_time(mechanism: Any) -> list[tuple[str, Any]]:
 def _lost_shares(
     mechanism: Any, expressions: list[tuple[str, Any]], time: float
 ) -> tuple[dict[str, list[float]], dict[str, str]]:
-    """Return the largest lost shares of the variance by name at the means, one for each factor, and missing ones.
+    """Return the largest lost shares of the variance, for each factor, and reasons of unknown shares, by name.
 
-    The reason is an empty text if the linear response of an expression is zero.
+    The shares are computed at the means of random variables. The reason is an empty text if the linear response of an
+    expression is zero.
     """
     shares: dict[str, list[float]] = {}
     unknown: dict[str, str] = {}

@@ -28,7 +28,7 @@ BATCH = 4096
 """Largest number of realisations that are computed at once."""
 
 PIECE = 2**23
-"""Largest number of responses, or of coefficients, that are processed at once; at least those of one path or time."""
+"""Largest number of responses or coefficients that are processed at once. One path, or one time, may have more."""
 
 SPARE = 2
 """Nodes for each term of the basis, if a Gauss rule would need more."""
@@ -91,10 +91,10 @@ class CommonPaths(uqmbd.extend.Propagator):
     estimators are without bias. A jackknife over the paths gives the standard errors and intervals. Student's t and
     chi-square widen the standard errors, so that 1.96 of them to either side are a 95 % interval. In tests with 8 and
     16 paths, 91 and 93 % of the intervals of the standard deviation contained it. The stated error is the error of the
-    polynomials at 8 random parameter points for each path. Many parameters need a regression on a Latin hypercube
-    instead of a Gauss rule. The error of the regression is part of the stated error. Paths with a failed realisation
-    are omitted, so that the statistics refer to the other paths. The polynomials of one path do not give the
-    probability that a requirement is violated: use MonteCarlo.
+    polynomials at 8 random parameter points for each path. For many parameters, a regression on a Latin hypercube
+    replaces the Gauss rule. The stated error includes the error of the regression. Paths with a failed realisation are
+    omitted, so that the statistics refer to the other paths. The polynomials of one path do not give the probability
+    that a requirement is violated: use MonteCarlo.
 
     Examples
     --------
@@ -302,7 +302,7 @@ def _estimates(c: Array) -> tuple[Array, ...]:
     mean, parts = _parts(total, squares, count)
     without = []
     for one in c:
-        # the sum of squares about the mean without one path
+        # sum of squares about the mean, if one path is left out
         rest = squares - np.square(one - total / count) * count / (count - 1)
         without.append(_parts(total - one, rest, count - 1)[1])
     left = np.array(without)  # (path, origin, output, time)
@@ -319,9 +319,10 @@ def _estimates(c: Array) -> tuple[Array, ...]:
 
 
 def _reach_of_std(std: Array, error: Array, student: float) -> Array:
-    """Return the upper half of 95 % intervals of standard deviations: of chi-square, at least of Student's t.
+    """Return half-widths of 95 % intervals of standard deviations: the upper side by chi-square, at least Student's t.
 
-    The degrees of freedom follow from the standard error. Few paths have a skewed distribution of the deviation.
+    The degrees of freedom of chi-square follow from the standard error. The distribution of the standard deviation of
+    few paths is skewed.
     """
     from scipy.special import chdtri
 

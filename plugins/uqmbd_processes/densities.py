@@ -110,7 +110,7 @@ class PowerSpectralDensity:
                     f"{samples.shape}; expected a density for each frequency."
                 )
             self._refuse_impossible(samples, found)
-        # once, because the content of the function may change
+        # make the text once, because the content of the function may change
         object.__setattr__(self, "_text", describe_function(self.function))
 
     def _samples(self) -> Array:
@@ -120,7 +120,7 @@ class PowerSpectralDensity:
         return np.geomspace(low, high, PROBED)
 
     def _refuse_impossible(self, frequency: Array, density: Array) -> None:
-        """Raise if a density at frequencies in the unit `per` is negative or not finite."""
+        """Raise StudyError if a density at frequencies in the unit `per` is negative or not finite."""
         wrong = ~(np.isfinite(density) & (density >= 0))
         if wrong.any():
             k = int(np.argmax(wrong))
@@ -204,7 +204,7 @@ class PowerSpectralDensity:
 
 
 def largest_power(density: Callable[[Array], Array], band: tuple[float, float]) -> tuple[float, float]:
-    """Return the frequency of most power per octave, and the relative half width; NaN at an end of the band."""
+    """Return the frequency of the largest power per octave, and its relative half-width; NaN at an end of the band."""
 
     def power(frequency: Array) -> Array:
         with np.errstate(all="ignore"):
@@ -226,7 +226,7 @@ def largest_power(density: Callable[[Array], Array], band: tuple[float, float]) 
 
 
 def check_density(where: str, psd: Any, over: str) -> None:
-    """Raise unless a density is one over the argument of the process."""
+    """Raise StudyError unless a density has the frequency of the argument of the process, distance or time."""
     if not isinstance(psd, PowerSpectralDensity):
         raise uqmbd.StudyError(
             f"{where}: psd is {psd!r}; expected PowerSpectralDensity(function, sided=..., per=...), which "
@@ -240,7 +240,7 @@ def check_density(where: str, psd: Any, over: str) -> None:
 
 
 def common_units(where: str, units: str, known: str) -> str:
-    """Return the units of a process and of its density; raise if they differ."""
+    """Return the common units of a process and of its density; raise StudyError if they differ."""
     if units and known and not uqmbd.extend.same_units(units, known):
         raise uqmbd.StudyError(
             f"{where}: units is {units!r}, but psd is the density of a process in {known}. Write "
@@ -250,7 +250,7 @@ def common_units(where: str, units: str, known: str) -> str:
 
 
 def check_band(where: str, band: Any) -> None:
-    """Raise unless a band is two increasing numbers."""
+    """Raise StudyError unless a band consists of two increasing numbers."""
     try:
         low, high = (float(x) for x in band)
     except (TypeError, ValueError):

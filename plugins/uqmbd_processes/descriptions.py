@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 GIVEN = ("psd", "covariance", "filter", "record")
-"""Descriptions of processes, one of which is given."""
+"""Arguments that describe a process, of which exactly one is given."""
 
 PATHS = ("harmonics", "filter", "karhunen_loeve")
 """Kinds of sampled paths."""
@@ -54,7 +54,7 @@ def describe_function(function: Any) -> str:
 
 
 def describe_options(process: Any) -> dict[str, str]:
-    """Return all options of a process but its name and point, as texts."""
+    """Return all options of a process, except its name and point, as texts."""
     covariance, coherence = vars(process)["_texts"]
     key = next(name for name in GIVEN if getattr(process, name) is not None)
     found = {key: covariance if key == "covariance" else repr(getattr(process, key))}
@@ -69,7 +69,7 @@ def describe_options(process: Any) -> dict[str, str]:
 
 
 def check_family(sources: Sequence[Any]) -> None:
-    """Raise unless processes have one name and differ only in their points."""
+    """Raise StudyError unless processes have the same name and differ only in their points."""
     if len({x.family for x in sources}) > 1:
         listed = ", ".join(sorted({repr(x.family) for x in sources}))
         raise uqmbd.StudyError(
@@ -87,7 +87,7 @@ def check_family(sources: Sequence[Any]) -> None:
 
 
 def check_description(process: Any) -> tuple[str, str]:
-    """Return the name of a process in messages, and its argument; raise if it has not one description."""
+    """Return the name of a process in messages, and its argument; raise StudyError without exactly one description."""
     if not isinstance(process.name, str) or not process.name.strip() or "/" in process.name:
         raise uqmbd.StudyError(f"RandomProcess: the name is {process.name!r}; expected a text without '/'.")
     where = f"random process {process.name!r}"
@@ -102,7 +102,7 @@ def check_description(process: Any) -> tuple[str, str]:
 
 
 def check_units_and_mean(where: str, process: Any) -> None:
-    """Raise unless the units, the mean and the coherence have the right kind."""
+    """Raise StudyError unless units are a text, the mean is a number, and the coherence is a function."""
     if not isinstance(process.units, str):
         raise uqmbd.StudyError(f"{where}: units is {process.units!r}; expected a text such as 'm'.")
     mean = process.mean
@@ -115,7 +115,7 @@ def check_units_and_mean(where: str, process: Any) -> None:
 
 
 def check_paths(where: str, process: Any) -> None:
-    """Raise unless the process has sampled paths of the requested kind."""
+    """Raise StudyError unless the process has sampled paths of the requested kind."""
     if process.paths not in PATHS:
         raise uqmbd.StudyError(
             f"{where}: paths is {process.paths!r}; expected 'harmonics', 'filter' or 'karhunen_loeve'."
@@ -143,7 +143,7 @@ def _no_filter(process: Any) -> str:
 
 
 def check_point(process: Any, point: Sequence[Any]) -> None:
-    """Raise unless a process has a coherence and no point, and the coordinates of a point are finite."""
+    """Raise StudyError unless a process has a coherence and no point, and the coordinates of a point are finite."""
     where = f"random process {process.name!r}"
     if process.coherence is None:
         raise uqmbd.StudyError(

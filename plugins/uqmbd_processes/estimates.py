@@ -36,7 +36,7 @@ SEGMENTS = 16
 
 @dataclass(frozen=True)
 class Smooth:
-    """Density through points, a cubic spline of the logarithms; constant before, ``a / x^2 + b / x^4`` after."""
+    """Density through points by a cubic spline of the logarithms; constant below them, ``a / x^2 + b / x^4`` above."""
 
     frequencies: tuple[float, ...]
     values: tuple[float, ...]
@@ -60,7 +60,7 @@ class Smooth:
 
 @dataclass(frozen=True)
 class Tabulated:
-    """Density through points, linear between the logarithms, or between the values next to zeros."""
+    """Density through points by linear interpolation of the logarithms, or of the values if one of them is zero."""
 
     frequencies: tuple[float, ...]
     values: tuple[float, ...]

@@ -26,7 +26,7 @@ SLOW = 1e-7
 """Largest eigenvalue of a rigid-body motion, relative to the largest eigenvalue."""
 
 WITHIN = 1e-9
-"""Relative size of a direction of the state that counts as not excited."""
+"""Relative size of a direction of the state below which inputs do not excite the direction."""
 
 
 @cache
@@ -56,7 +56,7 @@ def covariances(a: Array, noise: Array) -> tuple[Array, Array]:
     found = _solve(scaled, driven[:, :, None] * driven[:, None, :], systems)
     errors = np.full(found.shape, np.inf)
     wide, wide_noise = scaled.astype(np.longdouble), driven.astype(np.longdouble)
-    waiting: Any = slice(None)  # all, without a copy
+    waiting: Any = slice(None)  # all systems: avoid a copy
     every = np.arange(len(a))
     for _ in range(REFINEMENTS):
         part = wide[waiting] @ found[waiting].astype(np.longdouble)
@@ -117,10 +117,11 @@ def _one_by_one(a: Array, right: Array) -> Array:
 def is_stable(a: Array, polynomials: CharacteristicPolynomials | None = None) -> NDArray[np.bool_]:
     """Return whether all eigenvalues of systems (K, n, n) have negative real parts, by more than their rounding.
 
-    Systems that their characteristic polynomials, if given, show to be stable need no eigenvalues.
+    Characteristic polynomials, if given, show that some systems are stable; the function computes eigenvalues only of
+    the other systems.
 
-    The rounding of an eigenvalue is that of the scaled matrix, times the condition number of the eigenvalue.  Multiple
-    eigenvalues have no condition number; their rounding is below `SLOW`.
+    The rounding error of an eigenvalue is the rounding error of the scaled matrix, times the condition number of the
+    eigenvalue. Multiple eigenvalues have no condition number; their relative rounding error is taken as `SLOW`.
     """
     count, n = a.shape[:2]
     if not n:

@@ -36,21 +36,21 @@ CELLS = 16
 """Cells in the shortest period. The phase changes by at most 0.6 rad in a cell; the series has an error of 2e-9."""
 
 SLACK = 1e-6
-"""Part of a segment or of a turn by which a run may be too short, because its end is rounded or integrated."""
+"""Part of a segment or turn by which a run may be too short, because of rounding and integration errors."""
 
 MOST_DENOMINATOR = 12
 """Largest denominator of an order."""
 
 
 def check_skip(where: str, skip: Any) -> float:
-    """Return a duration at the beginning of the motion; raise if it is negative or no number."""
+    """Return a duration at the beginning of the motion; raise StudyError if it is negative or no number."""
     if isinstance(skip, bool) or not isinstance(skip, (int, float, np.number)) or not 0 <= skip < math.inf:
         raise uqmbd.StudyError(f"{where}: skip is {skip!r}; expected a duration in s, zero or more.")
     return float(skip)
 
 
 def remaining(where: str, motion: MotionPolynomials, skip: float) -> tuple[float, float]:
-    """Return the begin and the end of the motion without its first part, s; raise if nothing is left."""
+    """Return begin and end, s, of the motion without its first part; raise StudyError if no motion is left."""
     begin, end = float(motion.begin[0]) + skip, float(motion.end[-1])
     if begin >= end:
         raise uqmbd.StudyError(
@@ -250,7 +250,7 @@ def estimated_psd(
     expression : SymPy expression
         Expression of the motion, as for `uqmbd.integral`.
     frequencies : float or sequence of float
-        Frequencies in the unit `per`, at least two per segment.
+        Frequencies in the unit `per`. A segment contains at least two periods of each.
     segment : float
         Length L of a segment, s. The window averages the density over frequencies within 2 / L. The estimate is biased
         where the density changes within 2 / L, which is frequent near the lowest frequency, 2 / L.
@@ -333,7 +333,7 @@ def order_amplitude(
 ) -> sympy.Expr | uqmbd.extend.OutputSeries:
     """Return the amplitudes of a motion at multiples of a rotation angle, for use in outputs (order analysis).
 
-    All whole turns in the motion have the angle a. The amplitude of the order k is the absolute value of ``2 / a``
+    Let a be the angle of all whole turns in the motion. The amplitude of the order k is the absolute value of ``2 / a``
     times the integral of ``x exp(-i k angle)`` over this angle. The speed may vary.
 
     Parameters
@@ -343,8 +343,8 @@ def order_amplitude(
     angle : SymPy expression
         Rotation angle in rad, which increases with every turn: ``body.angle``, ``joint.angle``, ``100 * uqmbd.t``.
     orders : float or sequence of float
-        Orders, which are positive: 1 for once per turn; 0.5 for once in two turns. Fractions have denominators up to 12
-        and use a multiple of so many turns.
+        Orders, which are positive: 1 for once per turn; 0.5 for once in two turns. Fractions have denominators up to
+        12; the integral is then over a multiple of this number of turns.
     skip : float
         Omitted duration at the beginning of the motion, s.
 
@@ -360,8 +360,8 @@ def order_amplitude(
 
     Notes
     -----
-    A realisation has no value if the angle decreases, or completes less than one turn. A further part of the motion
-    after the last whole turn is omitted.
+    A realisation has no value if the angle decreases, or completes less than one turn. The motion after the last whole
+    turn is omitted.
 
     Examples
     --------

@@ -53,10 +53,10 @@ CACHED = ("_peak", "description", "marks", "_lines", "_line_powers")  # computed
 class RandomProcess:
     """Stationary random process of the time or of a distance: a road, a gust, the motion of the ground.
 
-    A process is given by one of its spectrum, covariance, shaping filter or a record.  A call with a linear function of
-    time returns an expression for forces, drivers and roads: ``road(20 * uqmbd.t)``.  Calls of one process with
-    different offsets are the same path with a delay, as for two wheels on one track.  Different processes are
-    independent.  Outputs such as `stationary_std` read the response to all processes.
+    One of four arguments describes the process: `psd`, `covariance`, `filter` or `record`. A call with a linear
+    function of time returns an expression for forces, drivers and roads: ``road(20 * uqmbd.t)``. Calls of one process
+    with different offsets give one path with a delay, as for two wheels on one track. Different processes are
+    independent. Outputs such as `stationary_std` read the response to all processes.
 
     Parameters
     ----------
@@ -86,18 +86,20 @@ class RandomProcess:
     field : str
         Name of the process at all points, set by `at`.
     length : float, optional
-        Period P after which sampled paths repeat, m or s. By default the longer of 16,384 shortest wavelengths and
-        ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest wavelengths
-        of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The band of the spectrum
-        determines the shortest wavelength, or `cutoff` if the spectrum has no upper end.
+        Period P after which sampled paths repeat, m or s. Default: the longest of 16,384 shortest wavelengths, 16
+        longest wavelengths of the band, and ``16 G / variance``. G is the largest one-sided density per cycle/m or Hz.
+        For an exponential covariance, ``16 G / variance`` is 64 correlation lengths. The upper end of the band
+        determines the shortest wavelength; if there is none, `cutoff` does. For ``paths="karhunen_loeve"``, `length` is
+        required: the length of the interval of the expansion.
     paths : {"harmonics", "filter", "karhunen_loeve"}
-        Sampled paths are sums of harmonics, or the exact discretisation of the shaping filter at knots at a distance
-        of ``1 / (8 cutoff)``. The latter have the exact covariance at the knots and do not repeat. The expansion of
-        Karhunen and Loeve has ``2 length cutoff`` terms, at most 512, for arguments between 0 and `length`.
+        ``harmonics``: sampled paths are sums of harmonics. ``filter``: sampled paths are the exact discretisation of
+        the shaping filter at knots at a distance of ``1 / (8 cutoff)``; they have the exact covariance at the knots and
+        do not repeat. ``karhunen_loeve``: sampled paths are expansions of Karhunen and Loeve with ``2 length cutoff``
+        terms, at most 512, for arguments between 0 and `length`. A process with a coherence accepts only ``harmonics``.
     cutoff : float, optional
-        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths of one kind with different
-        cutoffs are correlated if their `length` is equal; paths of filters are independent. Default: the end of the
-        band; for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
+        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths with equal `length` and
+        different cutoffs are correlated; paths of filters with different cutoffs are independent. Default: the end of
+        the band; for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
 
     Raises
     ------
@@ -161,13 +163,13 @@ class RandomProcess:
 
     @property
     def shape(self) -> ShapingFilter | None:
-        """Shaping filter of a rational spectrum, else None."""
+        """Shaping filter of a rational spectrum; None for other spectra."""
         found: ShapingFilter | None = vars(self)["_shape"]
         return found
 
     @property
     def density(self) -> PowerSpectralDensity | None:
-        """Power spectral density, if the process has one that is not given by a filter alone."""
+        """Power spectral density; None if only a shaping filter describes the process."""
         found: PowerSpectralDensity | None = vars(self)["_density"]
         return found
 
@@ -182,7 +184,7 @@ class RandomProcess:
     def density_error(self) -> float:
         """Relative standard error of each value of a density that is estimated from a record; otherwise zero.
 
-        It is the standard error of Welch's method with Hann's window and segments that overlap by half (Welch 1967).
+        The error is that of Welch's method with Hann's window and segments that overlap by half (Welch 1967).
         """
         return 0.0 if self.record is None else welch_error(len(self.record[1]))
 
@@ -237,7 +239,7 @@ class RandomProcess:
 
     @property
     def sampled_period(self) -> float:
-        """Period after which sampled paths repeat, m or s; infinite for other paths than those of harmonics."""
+        """Period after which sampled paths repeat, m or s; infinite for paths that are not sums of harmonics."""
         return self._lines.period
 
     @property
@@ -252,17 +254,17 @@ class RandomProcess:
 
     @property
     def expansion_terms(self) -> int | None:
-        """Number of terms of an expansion by Karhunen and Loeve; None for other paths."""
+        """Number of terms of an expansion of Karhunen and Loeve; None for other paths."""
         return self._lines.terms if isinstance(self._lines, KarhunenLoevePaths) else None
 
     @property
     def lost_variance(self) -> float:
-        """Fraction of the variance above the highest frequency of sampled paths, or of omitted terms."""
+        """Fraction of the variance that sampled paths lack: above their highest frequency, or in omitted terms."""
         return self._lines.lost
 
     @property
     def changed_density(self) -> Callable[[float, Array], Array] | None:
-        """Size of the change of the density, of a factor of the cutoff and frequency; None of harmonics."""
+        """Function of a cutoff factor and of frequencies: how much paths change the density; None for harmonics."""
         return None if isinstance(self._lines, LineSpectrum) else self._lines.changed
 
     @cached_property
@@ -316,8 +318,9 @@ class RandomProcess:
         ------
         uqmbd.StudyError
             If the process has no variance, or the interval is longer than 0.9 periods or outside of an expansion.
-            Also if a period, or a path of a filter from zero, has more than 4,000,000 knots. Also if the coherences of
-            the points are contradictory, or the sources differ in more than their points.
+            The method also raises this error if a period, or a path of a filter from zero, has more than 4,000,000
+            knots. Further reasons are contradictory coherences of the points, and sources that differ in more than
+            their points.
 
         Notes
         -----

@@ -38,7 +38,7 @@ FAR = 1e4
 """Ratio of the first and last frequency of the quadrature to the smallest and largest rate."""
 
 MARGIN = 0.02
-"""Least distance of the exponent of the integrand from -1."""
+"""Least distance of the exponent of the integrand from -1, at which the integral diverges."""
 
 POINTS = 4_000_000
 """Largest number of evaluated frequencies at once."""
@@ -49,7 +49,7 @@ def density_of_response(system: LinearSystem, source: Any, channels: Sequence[in
     transfer = system.transfer(frequencies)
     speed = system.channels[channels[0]].speed[:, None]
     rate = np.abs(speed)
-    # responses to the process at each point: different points are coherent only in part
+    # compute a response to the process at each point, because points are only partly coherent
     points: dict[tuple[float, ...], tuple[Any, Any]] = {}
     for k in channels:
         channel = system.channels[k]
@@ -163,7 +163,7 @@ class _FrequencyIntervals:
         source = self.source.two_sided(frequencies / speed) / speed
         change, response = (x[:, :, self.channels] for x in (change, system.transfer(frequencies)))
         first, second = np.real(change * np.conj(response)), np.abs(change) ** 2
-        if len(self.channels) > 1:  # phases differ
+        if len(self.channels) > 1:  # phases differ between points: bound the sum by absolute values
             first = (np.abs(change).sum(axis=2) * np.abs(response).sum(axis=2))[:, :, None]
             second = second * len(self.channels)
         scale = source * factors
@@ -202,7 +202,7 @@ def _modal_errors(system: LinearSystem) -> tuple[NDArray[Any], NDArray[Any], NDA
     left = inverses(right)
     wide = right.astype(np.clongdouble)
     residual = (system.a.astype(np.longdouble) @ wide - wide * values[:, None, :]).astype(complex)
-    left[system.defective] = 0.0  # solved at each frequency
+    left[system.defective] = 0.0  # these systems are solved at each frequency instead
     return values, (system.c[:, None, :] @ right)[:, 0], left @ system.b, left @ residual
 
 

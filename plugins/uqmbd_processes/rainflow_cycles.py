@@ -129,7 +129,7 @@ def rainflow_counts(expression: Any, edges: Sequence[float], *, skip: float = 0.
     Returns
     -------
     list of expressions
-        Number of cycles in each bin, one less than edges; half cycles count 1/2.
+        Number of cycles in each bin, one expression for each bin; half cycles count 1/2.
 
     Raises
     ------
@@ -138,8 +138,8 @@ def rainflow_counts(expression: Any, edges: Sequence[float], *, skip: float = 0.
 
     Notes
     -----
-    Counts jump where a range passes an edge; surrogates converge slowly. A lowest edge well above the error of the
-    integration leaves out cycles that are due to this error.
+    A count jumps where a range passes an edge, so surrogates converge slowly. Choose a lowest edge well above the
+    integration error: cycles that are due to this error are then not counted.
 
     Examples
     --------

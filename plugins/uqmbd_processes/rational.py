@@ -247,7 +247,7 @@ def _product(first: Polynomial, second: Polynomial) -> Polynomial:
 def _routh(denominator: Polynomial, numerator: Polynomial | None) -> tuple[Bounded, NDArray[np.bool_]]:
     """Return the variances of unit noise, and whether all roots of the denominator decay for all errors in the bounds.
 
-    Both have n + 1 and n coefficients. Without a numerator the variances are zero.
+    The denominator has n + 1 coefficients, and the numerator n. Without a numerator, the variances are zero.
     """
     clear = denominator[0].value > 4 * denominator[0].error
     total, half = _exact(np.zeros(len(clear))), _exact(np.full(len(clear), 0.5))

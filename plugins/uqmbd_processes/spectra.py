@@ -132,8 +132,8 @@ def kaimal(deviation: float, length: float, speed: float) -> PowerSpectralDensit
 
     Notes
     -----
-    Form of IEC 61400-1 [1]_, annex C, after the measurements of Kaimal et al. [2]_. The spectrum decays with the power
-    -5/3, so that the rate of the wind speed has no variance.
+    The form is from IEC 61400-1 [1]_, annex C, after the measurements of Kaimal et al. [2]_. The spectrum decays with
+    the power -5/3, so that the rate of the wind speed has no variance.
 
     References
     ----------
@@ -299,7 +299,7 @@ def davenport_coherence(decay: float, speed: float) -> Callable[[Array, float], 
 
 @typechecked(values=False)
 def white_noise(density: float, sided: Sided, per: Per, band: tuple[float, float] = UNBOUNDED) -> PowerSpectralDensity:
-    """Return a constant density: white noise if unbounded, which has no variance itself.
+    """Return a constant density. Without a band, the process is white noise, whose variance is infinite.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def moments(system: LinearSystem, orders: Sequence[int], tolerance: float = TOLE
 
 
 def _note(reasons: list[str], members: NDArray[np.int64], more: list[str]) -> None:
-    """Write the reasons of members into the list of all reasons; there are seldom any."""
+    """Write the reasons of members into the list of all reasons; most calls have no reasons."""
     if any(more):
         for k, reason in zip(members.tolist(), more, strict=True):
             reasons[k] = reason
@@ -102,8 +102,9 @@ def _decaying(system: LinearSystem) -> list[Part]:
     """Divide an ensemble into parts with decaying states.
 
     Return for each part its members, its system, and for each member the reason why it has no stationary response, or
-    an empty text. Small systems without motions that do not decay have polynomials. In realisations with motions that
-    do not decay, only the controllable and observable states of these motions remain.
+    an empty text. The last element of a part contains characteristic polynomials of small systems whose motions all
+    decay. In realisations with motions that do not decay, only the controllable and observable states of these motions
+    remain.
     """
     polynomials = CharacteristicPolynomials.of(system.a) if system.a.shape[1] <= DIRECT else None
     stable = is_stable(system.a, polynomials)

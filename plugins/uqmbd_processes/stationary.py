@@ -138,10 +138,10 @@ def _without_mean(system: LinearSystem, reasons: list[str]) -> list[str]:
 def stationary_std(expression: Any, at: At = "equilibrium") -> sympy.Expr:
     """Return the standard deviation of the stationary response of an expression, for use in an output.
 
-    The mechanism is linearised about a pose at rest, or a steady motion. It responds to all its random processes,
-    without an integration in time.  A rational spectrum is solved by Lyapunov's equation, others by quadrature over
-    frequency.  A realisation fails if the estimated relative error of its variance is above 1e-6.  The output has one
-    value per realisation and no time.
+    The mechanism is linearised about a pose at rest, or a steady motion. The linearised mechanism responds to all its
+    random processes; no integration over time is needed. Polynomials or Lyapunov's equation give the variance for a
+    process with a shaping filter, if the process acts at one point. Other variances are integrals over frequency. A
+    realisation fails if the estimated relative error of its variance is above 1e-6. The output is a scalar output.
 
     Parameters
     ----------
@@ -158,12 +158,12 @@ def stationary_std(expression: Any, at: At = "equilibrium") -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is not a single expression, or `at` is invalid.
+        If `expression` is not a single expression, or `at` is invalid.
 
     Notes
     -----
-    A realisation fails, and states the reason, if the response has no variance: it contains white noise, its spectrum
-    is not integrable, or the pose is unstable.  See [1]_, chapter 5.
+    A realisation fails, with a message, if the response has no variance: the response contains white noise, its
+    spectrum is not integrable, or the pose is unstable. See [1]_, chapter 5.
 
     References
     ----------
@@ -171,8 +171,7 @@ def stationary_std(expression: Any, at: At = "equilibrium") -> sympy.Expr:
 
     Examples
     --------
-    A unit mass on a spring with white noise of the two-sided density 0.1 N^2 s: the variance is
-    ``pi S / (c k)``.
+    A unit mass on a spring with white noise of the two-sided density 0.1 N^2 s: the variance is ``pi S / (c k)``.
 
     >>> import numpy as np, uqmbd
     >>> from uqmbd_springs import PointForce, SpringDamper
@@ -334,8 +333,8 @@ def expected_maximum(
 
     Notes
     -----
-    Davenport [1]_ evaluates the mean of the Poisson rule for many crossings. A realisation with less than three
-    crossings of the mean fails.
+    Davenport's formula [1]_ approximates the mean of the Poisson rule for many crossings. A realisation with fewer than
+    three expected crossings of the mean fails.
 
     References
     ----------

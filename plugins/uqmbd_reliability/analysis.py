@@ -44,7 +44,7 @@ class Levels:
 
     probability: float
     cov: float  # coefficient of variation of `probability` by Au and Beck, which assumes independent levels
-    points: Array  # (K, d) of the last level: violations if this level was reached
+    points: Array  # (K, d), points of the last level; violations if `reached`
     margins: Array  # (K,)
     reached: bool  # whether there are violations
 
@@ -118,7 +118,7 @@ STARTS = 5
 class Analysis:
     """Result of a reliability analysis."""
 
-    # of each requirement; if there are several, the last one is of the violation of any
+    # one for each requirement; with several requirements, the last estimate is for the violation of any of them
     estimates: tuple[ProbabilityEstimate, ...]
     design_points: tuple[DesignPoint, ...]  # of all requirements, nearest first
     sampled: Sampled  # the samples of the estimates
@@ -139,8 +139,8 @@ def analyse(
 ) -> Analysis:
     """Estimate the probabilities that margins are below zero, with at most `most` realisations.
 
-    `method` "form" omits the splitting; with splitting, "auto" finds violations that a search misses. `target` is the
-    coefficient of variation at which sampling stops.
+    The `method` "form" omits multilevel splitting; "auto" includes it, and so finds violations that a search misses.
+    `target` is the coefficient of variation at which sampling stops.
     """
     ledger = LimitStateLedger(limit, dimension, most)
     pilot = generator.standard_normal((PILOT, dimension))

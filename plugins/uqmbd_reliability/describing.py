@@ -105,9 +105,10 @@ def intervals_over_time(
     """Return intervals (R, T) of the probabilities `by` (R, T) of a violation until each time.
 
     `violations` (N, R, T) are the weights of samples that have violated a requirement by a time, otherwise zero.
-    `lower` and `upper` (R,) are the ends for the whole motion. They may be wider than those of the weights, because
-    realisations failed, or because other numbers contradict the samples; the excess applies at all times. Without a
-    violation by a time, and for dependent samples, only the upper end of the whole motion is valid.
+    `lower` and `upper` (R,) are the ends for the whole motion. This interval may be wider than the interval of the
+    weights, because realisations failed, or because the splitting contradicts the samples. Intervals at earlier times
+    are widened by the same excess. At times without a violation so far, and for dependent samples, the interval is from
+    0 to the upper end for the whole motion.
     """
     low, high = np.zeros_like(by), np.broadcast_to(upper[:, None], by.shape).copy()
     for k in range(len(by)):

@@ -42,7 +42,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the side of point i on which point j is in the given pose of a line, 1 or -1."""
+        """Return, for a mechanism on a line, the side of point i (1 or -1) on which point j is in the given pose."""
         return (
             {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length, strict=True).is_zero))}
             if len(self.point_i) == 1

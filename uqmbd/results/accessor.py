@@ -1,8 +1,8 @@
 """Accessor ``.uqmbd`` of xarray data, with methods for one output, a variable for each output, and the surrogate.
 
-Importing `uqmbd.results` registers the accessor, so every function that makes or reads results registers it. For a file
-opened by xarray alone, ``import uqmbd.results`` is needed, because ``import uqmbd`` imports neither
-xarray nor modules that need it.
+Importing `uqmbd.results` registers the accessor, and each function that makes or reads results imports this package. A
+script that opens a file by xarray alone needs ``import uqmbd.results``: ``import uqmbd`` imports neither xarray nor
+modules that need it.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ def _selected_table(tables: list[Array], normal: Array, values: Array, lower: fl
 
 
 def through_quantiles(values: Array, lower: float = -np.inf, upper: float = np.inf) -> Array:
-    """Return an increasing curve through quantiles of values, at `GRID`, which does not leave the bounds.
+    """Return an increasing curve through quantiles of values, at `GRID`, within the bounds.
 
     >>> table = through_quantiles(np.linspace(0, 1, 10001), 0.0, 1.0)
     >>> [round(float(np.interp(z, GRID, table)), 2) for z in (-8.0, -1.0, 0.0, 1.0, 8.0)]

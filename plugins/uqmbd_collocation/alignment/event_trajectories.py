@@ -40,9 +40,9 @@ MARGIN = 0.1
 class EventTrajectories:
     """Realisations from event to event, each computed once.
 
-    A last segment has no final event. This segment ends at a time that is the same in all realisations, after the
-    latest event: `longer` times the range of the output times. If it ended later only in realisations with a later
-    event, its end would not be a smooth function of the inputs.
+    No event ends the last segment. The last segments of all realisations end at one time, after the latest event of all
+    realisations: `longer` times the range of the output times. If only realisations with a later event ended later, the
+    end of the segment would not be a smooth function of the inputs.
     """
 
     problem: uqmbd.extend.Problem

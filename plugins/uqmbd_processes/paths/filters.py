@@ -63,7 +63,7 @@ class ShapingFilter:
     b, c : tuple of float
         Input and output.
     d : float
-        White noise in the output.
+        Direct feedthrough of the white noise to the output.
 
     Examples
     --------
@@ -140,7 +140,7 @@ class ExponentialCovariance:
 
 
 def check_positive(where: str, **numbers: Any) -> None:
-    """Raise unless numbers are positive."""
+    """Raise StudyError unless numbers are positive."""
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < math.inf:
             raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a positive number.")
@@ -187,7 +187,7 @@ def exponential_covariance(deviation: float, length: float) -> ExponentialCovari
 
 
 def shaping_filter(where: str, given: Any) -> ShapingFilter:
-    """Return the filter of three matrices, or raise if they are invalid."""
+    """Return the filter of three matrices; raise StudyError if they are invalid."""
     expected = "expected (A, B, C): a square matrix, and two vectors of its size"
     try:
         a, b, c = (np.array(x, dtype=float) for x in given)
@@ -223,7 +223,7 @@ class DiscretisedFilter:
         """Discretise a filter with the matrices (n, n), (n,) and (n,)."""
         from scipy.linalg import expm, schur
 
-        # covariances over a short interval, which is then doubled: sums of positive definite terms are accurate
+        # compute covariances over a short interval, then double it: sums of positive definite terms are accurate
         n, halvings = len(b), max(0, math.ceil(math.log2(max(float(np.linalg.norm(a)) * step, 1e-300))) + 1)
         short = step / 2.0**halvings
         block = expm(short * np.block([[-a, np.outer(b, b)], [np.zeros((n, n)), a.T]]))
@@ -251,7 +251,7 @@ class DiscretisedFilter:
         states = np.zeros((n, len(normal) + 1), dtype=complex)
         total = np.zeros(len(normal) + 1)
         for i in reversed(range(n)):
-            # sums of real products: their rounding does not depend on the length
+            # use sums of real products, whose rounding does not depend on the length
             driven = np.zeros(len(normal) + 1, dtype=complex)
             driven[0] = sum(complex(self.first[i, j]) * float(start[j]) for j in range(n))
             for j in range(n):
@@ -310,9 +310,10 @@ class FilterPaths:
         return self._ends[1]
 
     def changed(self, factor: float, frequency: Array) -> Array:
-        """Return the size of the change of the two-sided density by the knots, with the cutoff times a factor.
+        """Return how much knots change the two-sided density, if the cutoff is multiplied by a factor.
 
-        The knots have the density of the chain, which is periodic; the spline between them weights it.
+        The density at the knots is the density of the chain, which is periodic. The spline multiplies this density by a
+        weight.
         """
         step = self.step / factor
         chain = self.chains[0] if factor == 1.0 else DiscretisedFilter.of(*self.shape.matrices, step)
@@ -369,7 +370,7 @@ class FilterPaths:
         after, before, root = self.chains
         n, count = len(root), (max(high, 0), max(-low, 0))
         normal = [normal_numbers(self.process, key, n * (m or 1), k) for k, m in enumerate((1, *count))]
-        # sums of numbers in a fixed order, as everywhere in a path
+        # add numbers in a fixed order, so that rounding does not depend on the interval
         first = np.array([sum(float(root[i, j] * normal[0][j]) for j in range(n)) for i in range(n)])
         forwards = after.values(first, normal[1].reshape(-1, n)[: count[0]])
         backwards = before.values(first, normal[2].reshape(-1, n)[: count[1]])

@@ -58,7 +58,7 @@ INSIDE = 0.999
 """Share of the variance below the highest frequency of a spectrum that has no upper end."""
 
 FLATNESS = 16
-"""Least number of lines that would have the whole variance if each had the largest density."""
+"""Least ratio of the total power to the power of a single line with the largest density, by default."""
 
 LINES = 16_384
 """Least number of shortest wavelengths in a period by default."""
@@ -160,7 +160,7 @@ def highest_frequency(process: SampledProcess) -> tuple[float, Array, Array]:
     low, end = process.band
     edges = _octaves(low, end, process.marks)
     parts = _integrals(density, edges)
-    # from the end, so that small tails are exact
+    # sum from the upper end, so that small tails are exact
     above = np.append(np.cumsum(parts[::-1])[::-1], 0.0)
     high = end
     if cutoff is not None:
@@ -267,7 +267,7 @@ def draw_splines(
 
 
 def check_interval(where: str, begin: float, end: float) -> None:
-    """Raise unless the ends of an interval are finite and do not decrease."""
+    """Raise StudyError unless the ends of an interval are finite and do not decrease."""
     if not (math.isfinite(begin) and math.isfinite(end) and begin <= end):
         raise uqmbd.StudyError(
             f"{where}: paths from {begin} to {end} were requested; expected finite numbers that do not decrease."
@@ -283,7 +283,7 @@ def _amplitudes(spectrum: LineSpectrum, powers: Array) -> Array:
 
 
 def normal_numbers(source: SampledProcess, key: float, count: int, *parts: int) -> Array:
-    """Return normal numbers, which depend on the key, the family, the point and the part of the path alone."""
+    """Return normal numbers, which depend only on the key, the family, the point and the part of the path."""
     digest = hashlib.sha256(repr((source.family, source.point)).encode()).digest()
     words = np.frombuffer(np.asarray(key, dtype="<f8").tobytes() + digest, dtype="<u4")
     generator = np.random.Generator(np.random.SFC64(np.random.SeedSequence([*words.tolist(), *parts])))

@@ -46,7 +46,7 @@ FINE = 2
 """Points of Nystroem's method for each knot."""
 
 SPECTRUM = 2
-"""Number of eigenfunctions of which the spectrum is computed, relative to the number of terms."""
+"""Ratio of the number of eigenfunctions with a computed spectrum to the number of terms."""
 
 PERIODS = 8
 """Period of the lines that approximate a covariance, relative to the length of the interval."""
@@ -185,12 +185,12 @@ class KarhunenLoevePaths:
         return (low - MARGIN) * step, step, found
 
     def changed(self, factor: float, frequency: Array) -> Array:
-        """Return the two-sided density of the omitted terms, with the number of terms times a factor."""
+        """Return the two-sided density of the omitted terms, if the number of terms is multiplied by a factor."""
         if factor not in self._spectra:
             self._spectra[factor] = self._spectrum(max(math.ceil(factor * self.terms), 1))
         inner, every = self._spectra[factor]
         found = np.asarray(inner(frequency))
-        # eigenfunctions beyond those of the spectrum have the remaining density
+        # eigenfunctions without a computed spectrum have the remaining density
         high = self.band[1]
         if self.process.band[1] > SPECTRUM * high:
             rest = np.clip((frequency / high - 1) / (SPECTRUM - 1), 0.0, 1.0)
@@ -199,7 +199,7 @@ class KarhunenLoevePaths:
         return np.maximum(found, 0.0)
 
     def _spectrum(self, terms: int) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-        """Return the mean density of the eigenfunctions from a number, and of all eigenfunctions."""
+        """Return the mean density of the eigenfunctions after the first `terms`, and of all eigenfunctions."""
         values, functions = self.expansion
         points = functions.shape[1]
         window = math.sqrt(2 / self.length) * np.sin(np.linspace(0.0, math.pi, points))
@@ -211,7 +211,7 @@ class KarhunenLoevePaths:
             if m >= terms:
                 powers[0] += one
         step = self.length / (points - 1)
-        # more frequencies by zeros between the correlations at the largest lags
+        # zeros between the correlations at the largest lags give more frequencies
         lags = np.fft.irfft(powers, count)
         size = RESOLUTION * points
         padded = np.zeros((2, size))

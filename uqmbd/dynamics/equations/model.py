@@ -92,7 +92,7 @@ class Model:
     prescribed: Any = field(default=None, repr=False)
     """Functions of time in parameters of components with constraints, a `Prescribed`."""
     timed: Any = field(default=None, repr=False)
-    """Functions of time that a step may miss, `uqmbd.dynamics.integration.functions_of_time.Timed`."""
+    """Functions of time that a step may miss, `uqmbd.dynamics.integration.functions_of_time.TimedFunctions`."""
     tables: Any = field(default=None, repr=False)
     """Tables over time, a `uqmbd.dynamics.integration.knots.TimedTables`; None: no tables."""
     length: float = 1.0

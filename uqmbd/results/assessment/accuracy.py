@@ -83,17 +83,17 @@ def stated_accuracy(
     of : {"moments", "probabilities"}
         ``moments``: half-widths of the mean and of the standard deviation of each output at each time. The half-widths
         are relative to the largest standard deviation of that output over time. For a scalar output they are relative
-        to its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
-        replaces 1.96. For a surrogate it is the root mean square error of single realisations, from its verification.
-        Errors of mean and standard deviation do not exceed it (Cauchy-Schwarz inequality), and are usually a fifth of
-        it. Outputs that do not vary are ignored. The integration error, which more realisations do not reduce, is
-        stated separately.
+        to its standard deviation. For samples, the half-width is 1.96 stated standard errors. The stated standard
+        errors of replicates include the factor of Student's t. For a surrogate, the half-width is the root mean square
+        error of single realisations, from its verification. The errors of mean and standard deviation do not exceed
+        this root mean square (Cauchy-Schwarz inequality), and are usually a fifth of it. Outputs that do not vary are
+        ignored. The integration error, which more realisations do not reduce, is stated separately.
 
         ``probabilities``: the longer side of the 95 % interval of each probability of violation, relative to that
         probability.
     usual : bool
-        Whether to use the usual standard errors, which decrease with the square root of the number of samples. The
-        stated standard errors are wider for few independent samples.
+        Whether to use the usual standard errors, which are inversely proportional to the square root of the number of
+        samples. The stated standard errors are larger for few independent samples.
 
     Returns
     -------

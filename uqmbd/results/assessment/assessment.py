@@ -224,7 +224,7 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
 
 
 def _varies(one: Judgement, moves: bool) -> bool:
-    """Return whether an output varies in a method (`moves`), or may vary because the method does not agree."""
+    """Return whether an output varies in a method (`moves`), or may vary because its verdict is not agreement."""
     return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW, UNVERIFIED))
 
 

@@ -41,12 +41,12 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float,
     """Choose the reference method: the most converged one that states its convergence.
 
     Methods are ranked in this order: samples with a standard deviation known to within 15 %, whose standard errors are
-    valid for any mechanism; surrogates with a stated error below 10 %; other methods with a stated error; methods
-    without a stated error. A method without samples, such as a chaos of order 0, ranks below all these if it misses a
-    variation: an output is constant in this method, but varies in another method. The other method counts only if its
-    stated error of the output is at most 10 %. Methods with unknown results at some times, such as results that end
-    early, come last. Methods of equal rank are ordered by the smallest own error, then by the largest number of
-    successful realisations, then by the given order.
+    valid for any mechanism; methods without samples with a stated error of at most 10 %; other methods with a stated
+    error; methods without a stated error. A method without samples, such as a chaos of order 0, ranks below all these
+    if it misses a variation: an output is constant in this method, but varies in another method. The other method is
+    ignored if its stated error of the output exceeds 10 %. Methods with unknown results at some times, such as results
+    that end early, come last. Methods of equal rank are ordered by the smallest own error, then by the largest number
+    of successful realisations, then by the given order.
 
     Parameters
     ----------
@@ -150,19 +150,19 @@ def compare(
         ``stated_error_time`` (s). The three errors are relative to the standard deviation. ``own_error`` and
         ``stated_error_max`` are infinite if no error is stated.
         The denominator of the largest stated error is at least 1 % of the largest standard deviation over time.
-        ``stated_error_floored``: whether this limit makes an error smaller than the largest one, and ``verdict`` names
-        it.
+        ``stated_error_floored``: whether an error divided by the standard deviation at its time, without this lower
+        limit, would exceed the largest stated error. ``verdict`` then states the limit.
 
         ``wasserstein`` (in units) and ``ks``, ``(method, output, comparison_time)``: distances of the distributions,
         from samples or from 4096 samples of a chaos; NaN if a method has neither. ``ks_by_chance (method)``: value of
         ``ks`` that equal distributions exceed with the probability `level`.
 
         ``unknown_times``: number of times at which a method does not know the mean or standard deviation of an output.
-        A method that has any is not recommended. ``wall_time`` (s), ``realisations`` and ``failures`` by method; the
-        realisations include those for scalar outputs and requirements only;
+        A method with such times is not recommended. ``wall_time`` (s), ``realisations`` and ``failures`` by method;
+        ``realisations`` includes realisations that a method computes only for scalar outputs or requirements;
         ``solver_counters (method, counter)``. If the results of a method or of the reference end before the last time,
-        differences are over the common times. ``compared_until`` (s, by method) is the last common time; it is NaN, as
-        are the differences, if there is none.
+        differences are over the common times. ``compared_until`` (s, by method) is the last common time. Without a
+        common time, ``compared_until`` and the differences are NaN.
 
         The attribute ``reference`` names the reference, whose differences are 0. The attribute ``recommendation`` names
         the method to use. A single method has no distances, counters, or recommendation. Select with ``.sel({"method":

@@ -123,7 +123,7 @@ def _reaches(data: xr.Dataset, where: Sequence[int]) -> bool:
 
 
 def _comparison_times(times: Array, base: OwnError, fine: NDArray[np.intp]) -> list[int]:
-    """Choose up to four times: 1/3 and 2/3 of the time, the largest std of the first output, and the end."""
+    """Choose up to four times: 1/3 and 2/3 of the times, the end, and the largest std of the first output."""
     chosen = {int(fine[-1]), int(fine[base.std[0, fine].argmax()])}
     for share in (1 / 3, 2 / 3):
         chosen.add(int(fine[round(share * (len(fine) - 1))]))

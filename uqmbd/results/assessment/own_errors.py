@@ -55,9 +55,9 @@ class OwnError:
     mean: Array
     std: Array
     kurtosis: Array
-    # noise_mean, noise_std: (O, T), standard errors, 0 if the method states none. If the stated errors are known to be
-    # widened (so that 1.96 of them give a 95 % interval), these are the values before widening; each test of agreement
-    # widens them for its own level
+    # noise_mean, noise_std: (O, T), standard errors, 0 if the method states none. Some methods multiply standard errors
+    # by a factor, so that 1.96 of them give a 95 % interval. If this factor is known, these fields are the errors
+    # without the factor; each test of agreement computes the factor for its level
     noise_mean: Array
     noise_std: Array
     # (O, T): error bound of the surrogate for mean and standard deviation: its stated error times its standard

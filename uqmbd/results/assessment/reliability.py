@@ -155,7 +155,7 @@ def _alone(methods: int, alike: int, lacking: str) -> str:
     """Return why a quantity of a method is not compared.
 
     `methods`: number of all methods; `alike`: number of methods with the same distributions of the inputs; `lacking`:
-    property that no other of these methods has.
+    end of the sentence "no other method ...", such as "states it".
     """
     if methods == 1:
         return "not compared: this is the only method"
@@ -163,7 +163,7 @@ def _alone(methods: int, alike: int, lacking: str) -> str:
 
 
 def hidden_errors(tree: xr.DataTree) -> dict[str, tuple[float, str]]:
-    """Return the largest error that no method states, NaN if unknown, and its place in the study, by quantity."""
+    """Return the largest error that findings report and no method states (NaN: unknown), and its place, by quantity."""
     found: dict[str, tuple[float, str]] = {}
     for finding in (one for node in tree.subtree for one in stored_findings(node)):
         for name, error in finding.hidden_errors:

@@ -235,8 +235,9 @@ def _rare(found: OwnError, base: OwnError, o: int, level: float) -> tuple[NDArra
     """Return the times (T,) at which samples may have missed a rare event, and the method with these samples.
 
     At these times the samples do not vary, but the other method does. An event of probability p causes a kurtosis of at
-    least about 1 / p. The probability that n samples do not contain the event is (1 - p)^n. The method is 0, or 1 for
-    the reference, with a text on its samples; None if there are no such times.
+    least about 1 / p. The probability that n samples do not contain the event is (1 - p)^n. The second value contains
+    the index of the method with these samples, 0 or, for the reference, 1, and a text on the samples. It is None if
+    there are no such times.
     """
     times, text = np.zeros(found.std.shape[1], dtype=bool), None
     for which, (method, other) in enumerate(((found, base), (base, found))):

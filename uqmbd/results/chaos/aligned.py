@@ -225,8 +225,8 @@ class AlignedChaos(Surrogate):
     def late(self) -> Array:
         """Return the intervals (S,), in s, from the last markers of samples to the last time; 0 if there is no gap.
 
-        The samples are the samples of all statistics, and the verification points. Mean, quantiles, Sobol' indices and
-        the stated error are NaN at times that one of these samples does not reach.
+        The method examines the samples from which it computes statistics, and the verification points. Mean, quantiles,
+        Sobol' indices and the stated error are NaN at times that one of these samples does not reach.
 
         Examples
         --------

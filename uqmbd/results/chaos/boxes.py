@@ -111,7 +111,7 @@ def face_mean_squares(boxes: Sequence[GermBox], evaluate: Callable[[Array], Arra
 
 
 def terms_of_all(chaoses: Sequence[Any]) -> tuple[Index, list[list[int]]]:
-    """Return the union of the terms (P, d) of all chaoses, sorted by degree, and the indices of the terms of each."""
+    """Return the terms (P, d) of all chaoses, sorted by degree, and for each chaos the indices of its terms."""
     every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
     terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
     place = {row: k for k, row in enumerate(terms)}

@@ -45,7 +45,7 @@ def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:
     Raises
     ------
     StudyError
-        If shapes do not match. If a number is not finite, because one failed node affects every coefficient.
+        If shapes do not match, or a number is not finite: one failed node affects every coefficient.
 
     References
     ----------

@@ -40,8 +40,8 @@ SAMPLES = 16384
 class Surrogate(VerifiedSurrogate):
     """Outputs as low-cost functions of the inputs, with statistics and stated errors.
 
-    Elements contain coefficients, and `readout` computes outputs from the coefficients. The five public subclasses
-    define only their parts and additional methods. Other modules use them as types and call their class methods.
+    Elements contain coefficients, and `readout` computes outputs from the coefficients. Each public subclass defines
+    only its parts and additional methods. Other modules use the subclasses as types and call their class methods.
     """
 
     @overload
@@ -62,8 +62,8 @@ class Surrogate(VerifiedSurrogate):
         Parameters
         ----------
         inputs : array_like, shape (K, d), or mapping, pandas.DataFrame, xarray.Dataset or xarray.DataArray
-            Values of the inputs. A plain array has one column for each input, in order. Other types have the inputs by
-            name. A mapping or a dataset contains numbers, lists of equal length, or xarray arrays. A DataArray has a
+            Values of the inputs. A plain array has one column for each input, in order. The other types name the
+            inputs. A mapping or a dataset contains numbers, lists of equal length, or xarray arrays. A DataArray has a
             dimension ``input``.
         **values
             Alternatively, inputs by name. xarray arrays with different dimensions are broadcast: all combinations are
@@ -350,7 +350,7 @@ class Surrogate(VerifiedSurrogate):
         Parameters
         ----------
         probabilities : sequence of float
-            Of the quantiles.
+            Probabilities of the quantiles.
         samples, seed : int
             As for :meth:`quantiles`.
 

@@ -50,7 +50,7 @@ class GermElement:
         return {f.name: x for f in fields(self) if isinstance(x := getattr(self, f.name), np.ndarray)}
 
     def _among(self, box: GermBox, terms: int, rows: Sequence[int]) -> Self:
-        """Return the element in another box with `terms` terms: its own terms are at `rows`, the others are 0."""
+        """Return the element in another box with `terms` terms: present coefficients at `rows`, 0 elsewhere."""
         wide = {name: np.zeros((terms, *x.shape[1:]), np.result_type(x, float)) for name, x in self.arrays.items()}
         for name, x in self.arrays.items():
             wide[name][list(rows)] = x

@@ -110,12 +110,13 @@ def _of_few(wrong: Array, weights: Array) -> Mask:
 
 
 def moving_errors(error: Array, few: Mask | None = None) -> Array:
-    """Return the largest of the errors (O, T) at neighbouring times, to which an event may shift the error.
+    """Return, for each time, the largest of the errors (O, T) at neighbouring times.
 
-    The error at an event begins and ends at different times in different realisations. If there are few verification
-    realisations, they miss the first and the last of these times. The neighbouring times are within one step of the
-    output times, or within the time in which the mean square doubles. The second condition applies only where `few`
-    (O, T) realisations cause the error (default: everywhere); an error of many realisations has already begun.
+    The error at an event begins and ends at different times in different realisations. Few verification realisations
+    miss the first and the last of these times, so the error of a time may be too small. The neighbouring times are
+    within one step of the output times, or within the time in which the mean square doubles. The second condition
+    applies only where `few` (O, T) realisations cause the error (default: everywhere): where many realisations cause
+    the error, they do not miss its begin.
 
     Times with unknown errors are ignored.
 

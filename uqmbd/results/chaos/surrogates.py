@@ -72,8 +72,9 @@ def surrogate(
 
     Returns
     -------
-    PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos or ComposedChaos
-        Surrogate of the method; a ComposedChaos if outputs have surrogates of different kinds and all are read.
+    PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos, CustomSurrogate or ComposedChaos
+        Surrogate of the method; a ComposedChaos if outputs have surrogates of different kinds and all are read. A
+        CustomSurrogate has a model of a plugin.
 
     Raises
     ------
@@ -157,7 +158,7 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
 
 
 def absent_surrogate(node: xr.DataTree) -> str:
-    """Return why the surrogate of a method cannot be evaluated on this computer; empty if it can or there is none."""
+    """Return why the surrogate of a method cannot be evaluated here; empty if it can, or without a surrogate."""
     name, composed = Custom.name, node.children.get("composed")
     holders = [node, *(composed.children.values() if composed is not None else ())]
     stored = [holder.children[name] for holder in holders if name in holder.children]

@@ -117,11 +117,12 @@ def meets(found: Collection[Answer], allowed: float) -> bool | None:
     """Return whether a requirement is met with 95 % confidence; None if this is uncertain.
 
     The requirement is met if the upper ends of all methods are allowed. The requirement is not met if the lower end of
-    one method is not allowed, and no method has an allowed upper end. Methods without a probability are ignored.
+    one method is not allowed, and no method has an allowed upper end. Methods without a probability are ignored. An
+    `allowed` probability of 1 is always met.
     """
     found = [one for one in found if one.known]
     if allowed >= 1:
-        return True  # for any probability
+        return True  # no probability exceeds 1
     if not found:
         return None
     if all(one.upper <= allowed for one in found):

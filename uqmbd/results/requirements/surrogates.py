@@ -13,10 +13,10 @@ Student's t distribution, whose degrees of freedom are the effective number of r
 function. Residuals have the weights of the realisations or equal weights; the wider band is used.
 
 If the surrogate does not follow a margin at all, residuals contain no information. Such a margin jumps, or changes only
-between the realisations. Two conditions reveal it: residuals that exceed `FOLLOWED` times the standard deviation of the
-samples, or samples that do not vary. The interval then also includes information from signs: the probability that a
-verification realisation and the surrogate are on different sides of the limit. Clopper and Pearson's method gives the
-interval of this probability, with the effective number of trials of the weights.
+between the realisations. A surrogate does not follow a margin if residuals exceed `FOLLOWED` times the standard
+deviation of the samples, or if samples do not vary. The interval is then widened by the probability that mechanism and
+surrogate are on different sides of the limit. This probability is estimated from the verification realisations; Clopper
+and Pearson's method gives its interval, with the effective number of trials of the weights.
 """
 
 from __future__ import annotations
@@ -182,7 +182,8 @@ def _intervals_over_time(
         found = _sampled_probability(chaos, margins_of(chaos, germs), lost, verified, late)
         lower[:, k], upper[:, k], followed[:, k] = found.lower, found.upper, found.followed
     known_late = [k for k, unknown in enumerate(late) if unknown]
-    lower[known_late], upper[known_late] = 0.0, 0.0  # by definition not violated before the end
+    # a margin that is known only at the end is not violated before the end
+    lower[known_late], upper[known_late] = 0.0, 0.0
     lower[:, -1], upper[:, -1], followed[:, -1] = whole.lower, whole.upper, whole.followed
     up = followed.copy()
     for k in range(1, len(chosen) - 1):

@@ -144,7 +144,7 @@ def united(data: xr.Dataset, *, copy: bool = True) -> xr.Dataset:
     >>> {str(name): variable.attrs for name, variable in united(data).data_vars.items()}
     {'mean': {'units': 'm'}, 'mine': {'units': 'K'}}
     """
-    # variables, because data arrays would select their coordinates each time
+    # use variables instead of data arrays, which would select their coordinates each time
     known = {str(name): one for name, one in data.variables.items() if str(name).endswith("_units")}
     units = {name: (set(one.dims), _texts(one)) for name, one in known.items() if name in data.coords}
     changed = {}

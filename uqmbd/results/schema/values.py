@@ -128,7 +128,7 @@ def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray
 
 
 def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) -> xr.Dataset:
-    """Add the reason of an output to each statistic that is NaN for this output at some times, but not at all."""
+    """Add the reason of an output to each statistic that is NaN for this output at some times, but known at others."""
     found = {}
     for name, data in statistics.data_vars.items():
         if "output" not in data.dims or data.dtype.kind != "f" or not np.isnan(data.values).any():
@@ -176,7 +176,7 @@ def check_values(
     version 2, in which NaN has no reason. Raise StudyError for the first invalid value; the message states the
     variable, output, place and expected value.
     """
-    # use variables, because each operation on data arrays would copy and align their coordinates
+    # use variables instead of data arrays, because each operation on a data array copies and aligns coordinates
     variables = statistics.variables
     names = [name for name in _KNOWN if name in statistics.data_vars and "output" in variables[name].dims]
     for name in names:
@@ -238,7 +238,7 @@ def _check_variance(variance: xr.Variable, std: xr.Variable, where: str, statist
     if variance.dims == std.dims:
         square = variance.values
         if (np.abs(square - std.values**2) <= 1e-6 * square + np.finfo(float).tiny).all():
-            return  # arrays without NaN, whose variables need not be aligned
+            return  # no NaN: no alignment is needed
     off = abs(variance - std**2) > 1e-6 * variance + np.finfo(float).tiny
     off |= variance.isnull() != std.isnull()
     _refuse(where, off.values, off.dims, statistics, "a value that differs from std**2", "the square of 'std'")
@@ -331,7 +331,7 @@ def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
         smallest, largest = variables["smallest"], variables["largest"]
         values = (smallest.values, quantile.values, largest.values)
         if smallest.dims == largest.dims == quantile.dims[1:] and (values[0] <= values[1]).all():
-            if (values[1] <= values[2]).all():  # arrays without NaN, whose variables need not be aligned
+            if (values[1] <= values[2]).all():  # no NaN: no alignment is needed
                 return
         off = ~((smallest <= quantile) & (quantile <= largest))
         off &= quantile.notnull() & smallest.notnull() & largest.notnull()

@@ -92,9 +92,9 @@ class CountedQuantiles:
         -------
         dict of str to numpy.ndarray
             ``quantile`` and ``quantile_error``, shape (P, ...): the quantile from `sample_statistics` of all samples is
-            within this error of the returned one. ``smallest`` and ``largest``, shape (...), are exact. Of independent
-            samples also ``quantile_interval``, shape (2, P, ...): edges that enclose the interval from
-            `sample_statistics`.
+            within this error of the returned one. ``smallest`` and ``largest``, shape (...), are exact. For independent
+            samples, the result also contains ``quantile_interval``, shape (2, P, ...): edges that enclose the interval
+            from `sample_statistics`.
 
         Raises
         ------

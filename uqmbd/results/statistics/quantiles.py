@@ -99,8 +99,8 @@ def quantiles_of_chunks(
     -------
     dict of str to numpy.ndarray
         ``quantile``, shape (P, ...), ``smallest`` and ``largest``, shape (...): bitwise equal to `sample_statistics` of
-        all successful samples; and ``probability``. Of independent samples also ``quantile_interval``, shape (2, P,
-        ...).
+        all successful samples; and ``probability``. For independent samples, the result also contains
+        ``quantile_interval``, shape (2, P, ...).
 
     Raises
     ------

@@ -84,10 +84,10 @@ def sample_statistics(
         of a design are NaN, because one set of points has no spread. If all samples agree to rounding, the skewness is
         0 and the kurtosis 3.
 
-        Of independent samples also ``quantile_interval``, shape (2, P, ...): samples whose ranks enclose each quantile
-        in at least 95 % of runs [4]_. An end is infinite if there are too few samples for it. With `replicates`, the
-        interval has the values whose probability, by Student's t of the shares over the replicates, agrees with that
-        of the quantile.
+        For independent samples, the result also contains ``quantile_interval``, shape (2, P, ...): samples whose ranks
+        enclose each quantile in at least 95 % of runs [4]_. An end is infinite if there are too few samples for it.
+        With `replicates`, the interval contains the values at which the share of smaller samples agrees with the
+        probability of the quantile. The test uses Student's t of the shares of the replicates.
 
     Raises
     ------
