@@ -47,9 +47,9 @@ def calibrate(
         Measurements.
     surrogate : uqmbd.extend.Propagator, optional
         Method that computes a surrogate, such as ``Collocation(order=4)``. Default: collocation of the highest order
-        for which about half of the realisations are enough, aligned if alignment has a smaller error. Alternatively, an
-        earlier result of `calibrate` in this process, with records at the same times: the calibration reuses its
-        surrogate, and counts the realisations of this surrogate again.
+        that needs at most 62 % of `realisations` (order 1: all of them), aligned if alignment has a smaller error.
+        Alternatively, an earlier result of `calibrate` in this process, with records at the same times: the calibration
+        reuses its surrogate, and counts the realisations of this surrogate again.
     realisations : int, optional
         Largest number of realisations of the mechanism for each operating point and machine, including realisations for
         the surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum with more than

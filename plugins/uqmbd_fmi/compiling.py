@@ -108,7 +108,7 @@ def _program(name: str) -> Compiler | None:
 def compile_library(compiler: Compiler, folder: Path, sources: Sequence[str], to: Path, on: Platform) -> str:
     """Compile sources in a folder to a shared library; return the warnings of the compiler.
 
-    Raise ComputationError with the messages of the compiler if it fails.
+    Raise UqmbdError with the messages of the compiler if it fails.
     """
     words = [*compiler.command, *FLAGS]
     if compiler.zig:

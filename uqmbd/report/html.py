@@ -77,8 +77,8 @@ def write_report(
     Raises
     ------
     StudyError
-        If the tree contains no propagator, or was read from a file whose content violates the schema. Also if the file
-        cannot be written, or if a file of the user has its name in the folder of a run.
+        If the tree contains no propagator, or was read from a file whose content violates the schema. This error also
+        occurs if the report cannot be written, or would replace a file of the user in the folder of a run.
 
     Examples
     --------

@@ -85,7 +85,7 @@ def read_prior_surrogates(
 def default_methods(
     study: uqmbd.Study, *, moving: bool, known: Sequence[str], most: int
 ) -> tuple[uqmbd.extend.Propagator, ...]:
-    """Return the default collocation methods that need at most about half of the realisations.
+    """Return the default collocation methods, whose highest order needs at most the share `SHARE` of the realisations.
 
     The first method collocates at equal times. If its error for outputs over time is too large, methods aligned at
     events and at phases follow. These methods do not split the germ space: with splitting, a damped motion needed 2500

@@ -109,9 +109,8 @@ def chart_figure(*charts: Chart) -> Figure:
 def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str = "Chart") -> str:
     """Return the HTML of charts for a section of the report; buttons select the visible one.
 
-    The charts have the properties of `chart_html`, along any axis; buttons with their titles select the visible chart.
-    Without scripts, a figure shows all charts, and print also shows all charts. All texts are plain text, and this
-    function escapes them.
+    The charts have the properties of `chart_html`, along any axis. The buttons contain their titles. Print, and pages
+    without scripts, show all charts. All texts are plain text, and this function escapes them.
 
     Parameters
     ----------

@@ -33,9 +33,9 @@ class Convergence:
 
     name: str  # name of the series
     orders: NDArray[np.int64]  # (N,)
-    realisations: NDArray[np.int64]  # (N,)
-    mean: Array  # (N,)
-    std: Array  # (N,)
+    realisations: NDArray[np.int64]  # (N,), cost of each order
+    mean: Array  # (N,), difference of the mean over the largest std of the reference
+    std: Array  # (N,), difference of the std over the largest std of the reference
 
 
 def orders_of(results: Results, output: str, reference: str | None = None) -> tuple[str, list[Convergence]]:

@@ -22,7 +22,7 @@ TRUNCATED = 0.4
 """Part of the allowed error for omitted components."""
 
 STEPPED = 0.85
-"""Part of the allowed error for the rounding of factors; together with omitted components, the error is allowed."""
+"""Part of the allowed error for the rounding of factors; its root sum of squares with `TRUNCATED` is below one."""
 
 BASE = 0.1
 """Allowed difference of the base from the mean over the elements, relative to the allowed error."""

@@ -131,7 +131,7 @@ def _reach(germ: Germ) -> list[float]:
 def _mean(marginal: Marginal, germ: Germ) -> float | None:
     """Return the mean of an input; the distribution of its standard variable equals that of its germ."""
     if marginal.kind == "quantile":
-        # the standard variable is normal; no Gauss rule, because the map may have kinks
+        # the standard variable is normal; a grid replaces a Gauss rule, because the map may have kinks
         nodes = np.linspace(-GRID, GRID, 4001)
         weights = np.exp(-(nodes**2) / 2)
         return _finite(float(weights @ marginal.to_input(nodes) / weights.sum()))

@@ -33,8 +33,8 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     """Draw a mechanism as assembled: bodies from their known points, joints, springs, drivers and loads.
 
     The shape of a body is the hull of its joint points, ends of springs, centre of mass and observed points. Components
-    of plugins are also drawn from their points and axes. A mechanism that cannot be assembled has its given pose, and
-    the title states this.
+    of plugins are also drawn from their points and axes. A mechanism that cannot be assembled is drawn in its given
+    pose, and the title states this.
 
     Parameters
     ----------
