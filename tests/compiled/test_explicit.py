@@ -1,11 +1,14 @@
 """The explicit integrator, on oscillators q'' = -p q whose motion is known."""
 
+import json
+from importlib.resources import files
+
 import numpy as np
 import pytest
 import symengine as se
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, solve_ivp
 
 from uqmbd.compiled import Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState, ProgramWriter, compile_kernel
 
@@ -135,3 +138,12 @@ def test_a_pole_is_reported():
     assert set(found.status.tolist()) <= {ExplicitStatus.SMALL, ExplicitStatus.MANY}
     assert np.abs(found.now - 0.5).max() < 1e-3
     assert (found.column == 1).all()
+
+
+def test_coefficients_are_those_of_scipy():
+    listed = json.loads(files("uqmbd.compiled").joinpath("source/dop853.json").read_text())
+    stages = np.array([np.append(row, np.zeros(12 - len(row))) for row in listed["A"]])
+    np.testing.assert_array_equal(stages, DOP853.A[:12, :12])
+    np.testing.assert_array_equal(listed["C"], DOP853.C[:12])
+    for name in ("A_EXTRA", "B", "C_EXTRA", "D", "E3", "E5"):
+        np.testing.assert_array_equal(listed[name], getattr(DOP853, name))

@@ -102,3 +102,32 @@ def test_draws_of_another_distribution_are_found():
     assert "Kolmogorov" in why_not_drawn(single(chaospy.Normal(0, 1)), shifted)
     inputs = vector(chaospy.MvNormal([0, 0], [[1, 0.6], [0.6, 1]]))
     assert "'w'" in why_not_drawn(inputs, np.random.default_rng(3).normal(size=(2000, 2)))  # independent ones
+
+
+@pytest.mark.parametrize("count", [30, 100, 800, 1500, 16384])
+def test_the_limit_of_the_distance_is_that_of_scipy(count):
+    """Samples of one input are rejected if the two-sided p-value is below 5e-10."""
+    inputs = single(chaospy.Uniform(0, 1))
+    places = (np.arange(count) + 0.5) / count
+    for p, word in ((4.5e-10, "Kolmogorov"), (5.5e-10, "")):
+        distance = scipy.stats.kstwo.isf(p, count)
+        values = np.where(places > 1 - distance, 1 - distance + 1e-7 * places, places)
+        # the last value is farthest from its share
+        assert scipy.stats.ks_1samp(values, scipy.stats.uniform.cdf).statistic == pytest.approx(distance, abs=2e-7)
+        found = why_not_drawn(inputs, values[:, None])
+        assert word in found and bool(word) == bool(found)
+
+
+@pytest.mark.parametrize("count", [100, 2000])
+def test_the_limit_of_the_number_in_a_tail_is_that_of_scipy(count):
+    """Four shares are tested, so that the limit is a quarter of 5e-10."""
+    inputs = single(chaospy.Uniform(0, 1))
+    share = 0.05
+    limit = next(k for k in range(count) if 4 * scipy.stats.binom.sf(k - 1, count, share) < 5e-10)
+    for many, word in ((limit, "tails"), (limit - 1, "")):
+        tail = 1 - 0.012 * (np.arange(many) + 1) / many  # above 0.975, and below the next share
+        rest = 0.03 + 0.94 * (np.arange(count - many) + 0.5) / (count - many)
+        found = why_not_drawn(
+            inputs, np.append(rest, np.minimum(tail, 0.994))[:, None] + 1e-6 * np.arange(count)[:, None] / count
+        )
+        assert word in found and bool(word) == bool(found)

@@ -1,12 +1,16 @@
 """Driver of kernels: loops that are compiled ahead of time from ``source/*.c``, independent of any mechanism.
 
 Its structures agree with the C sources in every field. Calls release the interpreter lock.
+
+The driver has parts that most studies do not need, such as the decisions about events. The machine code of a part is
+made when a study needs it, because all parts together take three times as long as the others.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
+import json
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
@@ -45,6 +49,7 @@ __all__ = [
     "TurnsStruct",
     "address",
     "aligned",
+    "link",
     "load_driver",
 ]
 
@@ -314,20 +319,31 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
 """Result and argument types of the functions."""
 
 
-def _object_code() -> bytes:
-    """Return the object code of the driver for this processor."""
-    bitcode = files("uqmbd.compiled").joinpath("source/driver.bc").read_bytes()
+_LINKED = {"decisions": "decide_events", "implicit": "attempt_implicit"}
+"""Function of a part that other parts of the driver call, through the pointer ``place_of_...`` in ``driver.bc``."""
+
+
+def _object_code(part: str) -> bytes:
+    """Return the object code of a part of the driver for this processor."""
+    bitcode = files("uqmbd.compiled").joinpath(f"source/{part}.bc").read_bytes()
     found: bytes = cached(("driver", hashlib.sha256(bitcode).hexdigest(), host().digest), lambda: object_code(bitcode))
     return found
 
 
+@cache
+def _parts() -> dict[str, tuple[str, ...]]:
+    """Return the names of the functions of each part that are called from Python."""
+    listed = json.loads(files("uqmbd.compiled").joinpath("source/parts.json").read_text(encoding="utf-8"))
+    found = {part: tuple(name for name in names if name in _FUNCTIONS) for part, names in listed.items()}
+    apart = {name for names in found.values() for name in names}
+    return {"driver": tuple(name for name in _FUNCTIONS if name not in apart), **found}
+
+
 class _Driver:
-    """The functions of the driver, as attributes."""
+    """The functions of the driver, as attributes; the first use of a function of a part loads the part."""
 
     def __init__(self) -> None:
-        places = addresses_of(tuple(_FUNCTIONS), _object_code())
-        for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
-            setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
+        self._load("driver")
         kinds = (
             *(
                 StepStruct,
@@ -350,8 +366,34 @@ class _Driver:
             "driver.bc was not compiled from the installed sources"
         )
 
+    def _load(self, part: str) -> None:
+        names = _parts()[part]
+        pointers = tuple(_pointer(one) for one in _LINKED) if part == "driver" else ()
+        places = addresses_of((*names, *pointers), _object_code(part))
+        for name, place in zip(names, places, strict=False):
+            result, arguments = _FUNCTIONS[name]
+            setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
+        for name, place in zip(pointers, places[len(names) :], strict=True):
+            setattr(self, name, place)
+
     def __getattr__(self, name: str) -> Any:
+        for part, names in _parts().items():
+            if name in names:
+                self._load(part)
+                return self.__dict__[name]
         raise AttributeError(name)
+
+
+def _pointer(part: str) -> str:
+    """Return the name of the pointer to the function of a part."""
+    return f"place_of_{_LINKED[part]}"
+
+
+@cache
+def link(part: str) -> None:
+    """Load a part whose function the driver calls; every structure that leads to such calls requests this."""
+    (function,) = addresses_of((_LINKED[part],), _object_code(part))
+    ctypes.c_void_p.from_address(getattr(load_driver(), _pointer(part))).value = function
 
 
 @cache

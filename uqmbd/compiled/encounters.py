@@ -147,6 +147,8 @@ class Encounters:
     @cached_property
     def structure(self) -> c.EncountersStruct:
         """Return the C structure that the driver reads and writes."""
+        if self.decides:
+            c.link("decisions")
         return c.EncountersStruct(
             *(address(getattr(self, name)) for name in c.ENCOUNTERS),
             *(self.room, int(self.watched), int(self.decides), int(self.reports), self.window, self.together),

@@ -7,11 +7,13 @@ that states the reason. The caller then changes the rows of the realisation here
 from __future__ import annotations
 
 import ctypes
+import json
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache, cached_property
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -140,27 +142,32 @@ class ExplicitOptions:
 
 @cache
 def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
-    """Return the nonzero coefficients of the method, from SciPy, and the arrays to which their pointers refer."""
-    from scipy.integrate import DOP853 as method
+    """Return the nonzero coefficients of the method, and the arrays to which their pointers refer.
 
+    The coefficients are those of SciPy. The import of `scipy.integrate`, with its dependencies, would take 0.2 s.
+    """
+    text = files("uqmbd.compiled").joinpath("source/dop853.json").read_text(encoding="utf-8")
+    listed = {name: rows for name, rows in json.loads(text).items() if name != "source"}
+    stages = np.zeros((STAGES, STAGES + 4))
+    for row, found in zip(stages, listed.pop("A"), strict=True):
+        row[: len(found)] = found
+    of = {name: np.array(rows, dtype=float) for name, rows in listed.items()}
     count = STAGES + 4
     unit = np.eye(count)
-    step = np.concatenate([method.B, np.zeros(4)])
+    step = np.concatenate([of["B"], np.zeros(4)])
     errors = np.zeros((2, count))
-    errors[0, : STAGES + 1], errors[1, : STAGES + 1] = method.E5[: STAGES + 1], method.E3[: STAGES + 1]
-    stages = np.zeros((STAGES, count))
-    stages[:, :STAGES] = method.A[:STAGES, :STAGES]
-    dense = [step, unit[0] - step, 2 * step - unit[STAGES] - unit[0], *method.D]
-    part, between = float(method.C_EXTRA[-1]), np.zeros(count)
+    errors[0, : STAGES + 1], errors[1, : STAGES + 1] = of["E5"], of["E3"]
+    dense = [step, unit[0] - step, 2 * step - unit[STAGES] - unit[0], *of["D"]]
+    part, between = float(of["C_EXTRA"][-1]), np.zeros(count)
     for place, row in reversed(list(enumerate(dense))):
         between = (between + row) * (1 - part if place % 2 else part)
-    table = np.vstack([stages, step, method.A_EXTRA, *dense, errors, between - method.A_EXTRA[-1]])
+    table = np.vstack([stages, step, of["A_EXTRA"], *dense, errors, between - of["A_EXTRA"][-1]])
     index = [np.flatnonzero(row) for row in table]
     zeros = [-len(i) % 4 for i in index]
     starts = np.cumsum([0, *(len(i) + k for i, k in zip(index, zeros, strict=True))]).astype(np.int64)
     weights = np.concatenate([np.append(row[i], np.zeros(k)) for row, i, k in zip(table, index, zeros, strict=True)])
     index = [np.append(i, np.full(k, i[-1] if k else 0)).astype(np.int64) for i, k in zip(index, zeros, strict=True)]
-    moments = np.concatenate([method.C[:STAGES], [1.0], method.C_EXTRA])
+    moments = np.concatenate([of["C"], [1.0], of["C_EXTRA"]])
     nodes, between = (-np.cos((np.arange(POINTS) + k) * np.pi / POINTS) for k in (0.5, 1.0))
     sums = np.polynomial.chebyshev.chebvander(nodes, POINTS - 1) * np.where(np.arange(POINTS), 2.0, 1.0) / POINTS
     points = np.concatenate([0.5 + 0.5 * nodes, 0.5 + 0.5 * between, sums.ravel()])

@@ -138,6 +138,7 @@ class ImplicitEquations(Addressed):
     @cached_property
     def structure(self) -> c.ImplicitStruct:
         """Return the C structure for the driver."""
+        c.link("implicit")
         method, parts = radau_method(self.stages), (self.motion.structure, self.gradients.structure)
         coefficients = (method.nodes, method.matrix, method.inverse, method.between, method.error)
         touching = self.contacts

@@ -432,7 +432,7 @@ static void bring_to_rest(const Problem *p, Group *g, Mask which, const int64_t 
 }
 
 /* Decide about the events of lanes, and restart the motions; lanes whose events the caller has to decide. */
-static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t *guards) {
+static __attribute__((noinline)) Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t *guards) {
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
     int64_t kinds[LANES];

@@ -521,7 +521,7 @@ static void attempt_three(const Problem *p, Group *g) { attempt_stages(p, g, 3);
 
 static void attempt_five(const Problem *p, Group *g) { attempt_stages(p, g, 5); }
 
-static void attempt_implicit(const Problem *p, Group *g) {
+static __attribute__((noinline)) void attempt_implicit(const Problem *p, Group *g) {
     if (p->implicit->stages == 3)
         attempt_three(p, g);
     else
