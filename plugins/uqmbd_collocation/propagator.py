@@ -162,7 +162,7 @@ class Collocation(uqmbd.extend.Propagator):
         is then above 10 %, two further points are in gaps between points with large errors. The other points are the
         same for every order. No point affects the coefficients. Verification ends a refinement, after which the stated
         error is slightly more likely to be too small. Sixteen points state the error within a factor of two for nearly
-        all seeds. 32 points do so even if the error grows fast in the tails of several inputs. The statistic
+        all seeds. 32 points are so accurate even if the error grows fast in the tails of several inputs. The statistic
         ``verification_factor`` states the factor.
     seed : int
         Seed of sampling designs and of the verification points.

@@ -98,7 +98,7 @@ class ModalModel:
     ------
     uqmbd.StudyError
         If shapes do not fit, a matrix is not symmetric, the mass matrix is not positive definite, or the stiffness
-        matrix is not positive. Also if a line contains an unknown node.
+        matrix is not positive. The error also occurs if a line contains an unknown node.
 
     Examples
     --------

@@ -76,8 +76,8 @@ class ClockRates:
         """Return the phases (K,) that nodes must pass to reach a common phase, and their rounded mean, in rad.
 
         The common phase is a multiple of `step` after the phases of all nodes. The mean is rounded to a multiple of
-        `step`, at least one. The phases are None, and the mean is 0, if all nodes have the same phase. The same applies
-        if their phases differ too much to determine their turns.
+        `step`, at least one. Return None and 0 if all nodes have the same phase, or if their phases differ too much to
+        determine their turns.
         """
         value, rate, _ = self._value_and_rates(times, states)
         if self.clock.turn:

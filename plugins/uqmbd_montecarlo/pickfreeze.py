@@ -48,7 +48,7 @@ class SobolIndices:
 def obstacle_of(inputs: Any) -> str | None:
     """Return the reason why Sobol' indices are not defined for dependent inputs; None if they are defined.
 
-    Inputs of a `uqmbd.random_vector` are dependent if one input changes with the uniform number of another input.
+    Two inputs of a `uqmbd.random_vector` are dependent if one of them changes with the uniform number of the other.
     """
     variables = inputs.variables
     if all(len(v.joint.names) == 1 for v in variables):

@@ -35,10 +35,10 @@ FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 """Cutoffs, relative to those of the study, whose losses are computed."""
 
 ROUGH = 1e-4
-"""Largest relative error of the variances of which shares are computed."""
+"""Largest relative error of the variances from which the lost shares are computed."""
 
 APART = 1e-12
-"""Response, relative to the largest state, that is rounding."""
+"""Response, relative to the largest state, that counts as a rounding error."""
 
 REMEDY = "Give the process a higher cutoff=, or a spectrum with a lower band"
 """Advice for paths that change much of a variance."""

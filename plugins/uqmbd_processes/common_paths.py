@@ -159,7 +159,7 @@ class CommonPaths(uqmbd.extend.Propagator):
         space, terms, rule = self._rule(problem.inputs)
         generator = np.random.default_rng(self.seed)
         keys = generator.uniform(size=(self.paths, sum(v.is_key for v in problem.inputs.variables)))
-        # the points of one hypercube are in random order: each path has other ones
+        # the points of one hypercube are in random order, and are divided among the paths
         test = uqmbd.extend.monte_carlo_rule(space, POINTS * self.paths, self.seed + 1, "latin-hypercube").nodes
         psi, tested = space.evaluate(rule.nodes, terms), space.evaluate(test, terms).reshape(self.paths, POINTS, -1)
         inverse = np.linalg.pinv(psi)  # for a Gauss rule this is the projection

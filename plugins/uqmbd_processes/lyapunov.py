@@ -180,7 +180,7 @@ def separate(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array, Array, 
     """Separate one system (n, n) with inputs (n, m) and outputs (n,) into decaying motions and all others.
 
     Return the matrix, inputs and outputs of the decaying part, then of the other part: rigid-body motions,
-    undamped modes, and motions that are very slow.  Inputs and outputs by rounding are set to zero.
+    undamped modes, and motions that are very slow. Inputs and outputs that are only rounding errors are set to zero.
     """
     from scipy.linalg import schur, solve_sylvester
 

@@ -113,7 +113,7 @@ def _transforms(moments: Array, block: float, frequency: float) -> tuple[Array, 
 
 @uqmbd.extend.summary(polynomials=True, power=2, units="s")
 def _estimated_psd(motion: MotionPolynomials, frequency: float, segment: float, skip: float, scale: float) -> float:
-    """Return Welch's estimate at a frequency, Hz: the two-sided density per Hz times a number."""
+    """Return Welch's estimate at a frequency, Hz: the two-sided density per Hz, times `scale`."""
     begin, end = remaining("estimated_psd", motion, skip)
     count = math.floor(2 * (end - begin) / segment + SLACK) - 1  # segments
     if count < 1:

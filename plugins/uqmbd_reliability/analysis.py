@@ -139,8 +139,8 @@ def analyse(
 ) -> Analysis:
     """Estimate the probabilities that margins are below zero, with at most `most` realisations.
 
-    The `method` "form" omits multilevel splitting; "auto" includes it, and so finds violations that a search misses.
-    `target` is the coefficient of variation at which sampling stops.
+    The `method` "form" omits multilevel splitting; "auto" includes splitting, which also finds violations that a search
+    misses. `target` is the coefficient of variation at which sampling stops.
     """
     ledger = LimitStateLedger(limit, dimension, most)
     pilot = generator.standard_normal((PILOT, dimension))

@@ -249,9 +249,9 @@ class Mechanism:
         Raises
         ------
         uqmbd.StudyError
-            If the expression is not a scalar, is constant, or contains quantities of another mechanism. Also if an
-            angle has units other than ``rad`` or ``deg``. Also if the units of the expression differ from the stated
-            units by a factor, such as metres for ``mm``.
+            If the expression is not a scalar, is constant, or contains quantities of another mechanism. The error also
+            occurs if an angle has units other than ``rad`` or ``deg``. It also occurs if the units of the expression
+            differ from `units` by a factor, such as metres for ``mm``.
 
         Examples
         --------

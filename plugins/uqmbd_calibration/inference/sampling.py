@@ -2,8 +2,8 @@
 
 Half of the proposals are from a Student's t distribution about the maximum, close to the posterior of an informative
 record. The other half are emcee's stretch moves, which do not depend on the maximum. For 400 values and 3 (6) inputs,
-an effective draw costs 7.6 (7.5) evaluations of the density. Stretch moves alone cost 37 (65), and dynesty 3.1 costs
-15 (16); dynesty evaluates single vectors, and took 5 (16) times as long. blackjax requires JAX.
+an effective draw costs 7.6 (7.5) evaluations of the density. Stretch moves alone need 37 (65) evaluations, and dynesty
+3.1 needs 15 (16); dynesty evaluates single vectors, and took 5 (16) times as long. blackjax requires JAX.
 """
 
 from __future__ import annotations

@@ -285,7 +285,7 @@ class FilterPaths:
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
-        """Highest angular frequency of the cutoff, and the lost fraction of the variance."""
+        """Angular frequency of the cutoff, and the lost fraction of the variance."""
         high, edges, above = highest_frequency(self.process)
         return high, integral_above(self.process.two_sided, edges, above, self.band_of(high)) / float(above[0])
 

@@ -63,9 +63,9 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     Raises
     ------
     uqmbd.StudyError
-        If `mean` is not the inertia of a body, is random, or is zero. Also if `dispersion` is so large that the inverse
-        of the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.816 in three
-        dimensions. The limit is 0.774 for a flat body, and 0.707 for a rod and for a planar body.
+        If `mean` is not the inertia of a body, is random, or is zero. The error also occurs if `dispersion` is so large
+        that the inverse of the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below
+        0.816 in three dimensions. The limit is 0.774 for a flat body, and 0.707 for a rod and for a planar body.
 
     See Also
     --------
@@ -185,9 +185,9 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     Raises
     ------
     uqmbd.StudyError
-        If the means are random, or are not physically possible. Also if `dispersion` is so large that the inverse of
-        the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.845 in three
-        dimensions.
+        If the means are random, or are not physically possible. The error also occurs if `dispersion` is so large that
+        the inverse of the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below
+        0.845 in three dimensions.
 
     See Also
     --------

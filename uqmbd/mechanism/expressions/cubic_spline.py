@@ -168,8 +168,9 @@ def spline(
     Raises
     ------
     uqmbd.StudyError
-        If there are too few knots, knots do not increase, or the numbers of values and knots differ. Also if a value is
-        not finite or contains symbols other than random variables, or if the first and last values of a period differ.
+        If there are too few knots, knots do not increase, or the numbers of values and knots differ. The error also
+        occurs if a value is not finite or contains symbols other than random variables. In a periodic spline, the first
+        and last values must be equal.
 
     Notes
     -----

@@ -234,8 +234,8 @@ def summary(
     Raises
     ------
     uqmbd.StudyError
-        If `function` is not a function, or the units are unknown. Also if an argument of the quantity is not a single
-        expression.
+        If `function` is not a function, or the units are unknown. The error also occurs if an argument of the quantity
+        is not a single expression.
 
     Notes
     -----

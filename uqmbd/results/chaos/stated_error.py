@@ -65,8 +65,8 @@ def compute_stated_error(
 ) -> Array:
     """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`.
 
-    The root mean square is at least `unseen` (O, T), an error that the realisations miss. With `times` (T,), it is also
-    at least a fraction of `moving_errors`.
+    Errors `unseen` (O, T), which the realisations miss, are a lower bound of the root mean square. With `times` (T,), a
+    fraction of `moving_errors` is another lower bound.
     """
     # For an output that is constant in the surrogate at all times, the reference is the root mean square of the
     # responses about its mean; an error of 1 then means that the surrogate misses all variation. Differences within the
