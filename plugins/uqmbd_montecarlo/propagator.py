@@ -27,7 +27,6 @@ from uqmbd_montecarlo.gain import of_study, of_surrogate
 from uqmbd_montecarlo.gathering import (
     Gathered,
     allowed_pairs,
-    allowed_samples,
     gather,
     paired_samples,
     replicate_sizes,
@@ -43,15 +42,13 @@ from uqmbd_montecarlo.lowfidelity import (
 )
 from uqmbd_montecarlo.pickfreeze import obstacle_of
 from uqmbd_montecarlo.sensitivity import SobolRun, group_count, rows_at_once, run_sobol
+from uqmbd_montecarlo.sizing import sized
 from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, no_surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
 UNKNOWN = ("std_error_mean", "std_error_std", "quantile_interval")
 """Statistics that require several replicates of a design."""
-
-FIRST = 64
-"""Initial number of samples if the number is searched; each replicate has at least four samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,21 +204,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
         return replace(found, realisations=total + control.realisations, memory=most, at_most=control.at_most)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing:
-        """Return the option and the choice of the number of samples."""
-
-        def allowed(samples: int) -> int:
-            if self.sobol_indices:
-                return allowed_pairs(self.sampling, samples, self.replicates)
-            return allowed_samples(self.sampling, samples, self.replicates)
-
-        independent = uqmbd.extend.sampling_design(self.sampling, "MonteCarlo: sampling").independent
-        return uqmbd.extend.Sizing(
-            option="samples",
-            at=lambda samples: replace(self, samples=samples),
-            least=allowed(FIRST if independent else max(FIRST, 4 * self.replicates)),
-            allowed=allowed,
-            extends=independent,
-        )
+        """Return the options and the choice of the numbers of samples and replicates."""
+        return sized(self)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Return why the method cannot compute a study: no random input, or an impossible option. None: it can."""

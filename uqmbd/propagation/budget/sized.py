@@ -34,7 +34,8 @@ DESIGN_GROWTH = 2, 4
 """Minimum and maximum growth of the size of a design per step.
 
 The error of a design may decrease like 1 / size, and few points in each replicate overestimate it.  The size therefore
-grows by the square root of the growth that independent samples would need, within these limits.
+grows by the square root of the growth that independent samples would need, within these limits.  It grows by less than
+the minimum if independent samples would: further replicates reduce the error like independent samples.
 """
 
 TIGHTENINGS = 2
@@ -249,11 +250,12 @@ class Sized:
         return found if larger and self.chunk(found) == self.chunk(size) and self.cost(found) <= done else None
 
     def _upwards(self, number: float) -> int:
-        """Return the smallest size that is not less than a number."""
-        size, factor = self.sizing.largest(number), 2
-        while size < number and factor <= 16:
-            size, factor = self.sizing.largest(factor * number), factor + 1
-        return size
+        """Return the smallest size that is not less than a number, or the largest size up to 16 times the number."""
+        low, high = math.ceil(number) - 1, math.ceil(16 * number)
+        while high - low > 1 and self.sizing.largest(high) >= number:
+            middle = (low + high) // 2
+            low, high = (low, middle) if self.sizing.largest(middle) >= number else (middle, high)
+        return self.sizing.largest(high)
 
     def _affordable(self, size: int, left: RemainingBudget) -> int:
         """Return the largest affordable size up to a given size; the last size if no larger one is affordable."""
