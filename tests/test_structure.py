@@ -53,7 +53,7 @@ STATEMENTS = {
     "uqmbd_geometry": 730,
     "uqmbd_joints": 610,
     "uqmbd_models": 1620,
-    "uqmbd_montecarlo": 1_290,
+    "uqmbd_montecarlo": 1_320,
     "uqmbd_processes": 2_860,
     "uqmbd_flexible": 1_030,
     "uqmbd_pytest": 40,
