@@ -6,6 +6,7 @@ import warnings
 from collections import Counter
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -205,7 +206,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing:
         """Return the options and the choice of the numbers of samples and replicates."""
-        return sized(self)
+        return sized(partial(replace, self), self.sampling, self.replicates, pairs=self.sobol_indices)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Return why the method cannot compute a study: no random input, or an impossible option. None: it can."""

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import uqmbd
 from uqmbd_montecarlo.gathering import allowed_pairs, allowed_samples
-
-if TYPE_CHECKING:
-    from uqmbd_montecarlo.propagator import MonteCarlo
 
 __all__ = ["replicated", "sized"]
 
@@ -37,26 +33,30 @@ def replicated(design: str, samples: int, replicates: int) -> tuple[int, int]:
     return count * points, count
 
 
-def sized(method: MonteCarlo) -> uqmbd.extend.Sizing:
-    """Return the option and the choice of the number of samples."""
-    design, replicates = method.sampling, method.replicates
+def sized(
+    changed: Callable[..., uqmbd.extend.Propagator], design: str, replicates: int, *, pairs: bool
+) -> uqmbd.extend.Sizing:
+    """Return the options and the choice of the numbers of samples and replicates.
+
+    `changed`: function that returns the method with changed options; `design`, `replicates`: options of the method;
+    `pairs`: whether the samples form pairs, for which the number of replicates does not change.
+    """
 
     def allowed(samples: int) -> int:
-        if method.sobol_indices:
+        if pairs:
             return allowed_pairs(design, samples, replicates)
         return replicated(design, samples, replicates)[0]
 
-    def at(samples: int) -> MonteCarlo:
-        count = replicates if method.sobol_indices else replicated(design, samples, replicates)[1]
-        return replace(method, samples=samples, replicates=count)
+    def at(samples: int) -> uqmbd.extend.Propagator:
+        count = replicates if pairs else replicated(design, samples, replicates)[1]
+        return changed(samples=samples, replicates=count)
 
     found = uqmbd.extend.sampling_design(design, "MonteCarlo: sampling")
-    also = ("replicates",) if found.base > 1 and not method.sobol_indices else ()
     return uqmbd.extend.Sizing(
         option="samples",
         at=at,
         least=allowed(FIRST if found.independent else max(FIRST, 4 * replicates)),
         allowed=allowed,
         extends=found.independent,
-        also=also,
+        also=("replicates",) if found.base > 1 and not pairs else (),
     )
