@@ -107,7 +107,7 @@ class ProblemStruct(ctypes.Structure):
         *((name, _INT) for name in ("positions", "equations")),
         ("tableau", _POINTER),
         *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "between", "stiff")),
-        *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
+        *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "brief", "instants")),
         ("times", _POINTER),
         *((name, _POINTER) for name in ("interval_ends", "interval_longest", "interval_jumps", "contacts", "places")),
         *(("room", _INT), ("implicit", _POINTER), ("control", _POINTER)),
@@ -136,7 +136,7 @@ POOL = (
     *("z", "rate", "parameters"),
     *("now", "begin", "wanted", "tried", "floor", "limit"),
     *("interval", "last_interval", "first", "column", "status", "attempts", "refused", "stiff"),
-    *("fresh", "rejected", "allowed", "trusted", "told", "steps", "known"),
+    *("fresh", "rejected", "allowed", "trusted", "told", "steps", "known", "pause"),
     *("node_times", "nodes", "history", "result", "off", "poor"),
 )
 """Arrays of a pool."""

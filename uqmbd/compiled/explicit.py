@@ -138,6 +138,7 @@ class ExplicitOptions:
     attempts: int  # maximum number of attempted steps of an integration interval
     guarded: bool  # whether the driver returns for a decision on rejected steps and on steps that leave the constraints
     between: float = np.inf  # error of the interpolant above which a step is rejected, in tolerances
+    brief: bool = False  # whether steps over whole integration intervals are tried with order 5
 
 
 @cache
@@ -212,11 +213,11 @@ class IntegrationState:
         self.now, self.begin = np.full((2, count), self.times[0])
         self.wanted, self.floor = np.zeros(count), np.ascontiguousarray(floor, dtype=float)
         self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
-        integers = np.zeros((15, count), dtype=np.int64)
+        integers = np.zeros((16, count), dtype=np.int64)
         # status: see `ExplicitStatus`
         self.interval, self.last_interval, self.first, self.column, self.status = integers[:5]
         self.attempts, self.refused, self.stiff, self.fresh, self.rejected = integers[5:10]
-        self.allowed, self.trusted, self.told, self.steps, self.known = integers[10:]
+        self.allowed, self.trusted, self.told, self.steps, self.known, self.pause = integers[10:]
         self.allowed[:] = 2**62
         layouts = {id(own): own for own in intervals}
         firsts = dict(zip(layouts, np.cumsum([0, *map(len, layouts.values())]).tolist(), strict=False))
@@ -374,7 +375,7 @@ class IntegrationState:
             *(0 if d.constraints is None else address(k.surplus), address(k.residuals), k.positions, len(k.residuals)),
             ctypes.addressof(coefficients[0]),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.between, m.stiff),
-            *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
+            *(m.patience, m.refusals, m.attempts, int(m.guarded), int(m.brief), len(self.times)),
             *map(address, (self.times, self.interval_ends, self.interval_longest, self.interval_jumps)),
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),

@@ -106,9 +106,9 @@ def test_a_stop_costs_one_evaluation_and_one_call_for_all():
     mechanism.output("speed", wheel.angular_velocity, units="rad/s")
     found = integrate(Ensemble(build(mechanism), np.linspace(0.8, 1.2, 16)[:, None]), times, 1e-6, "dop853")
     assert found.counters.steps == 16 * 50  # a step from each sample to the next
-    # twelve stages of a step, and the rate where it begins, for two groups
-    # of eight; the first size is guessed, and three stages are for interpolants at two output times
-    assert found.counters.accelerations == 2 * (50 * 13 + 1 + 2 * 3)
+    # the rate where a step of order 5 begins, five stages and the end, for two groups
+    # of eight; the first size is guessed, and interpolants need no further stages
+    assert found.counters.accelerations == 2 * (50 * 7 + 1)
     whole = [time for time, count in seen if count == 16]
     np.testing.assert_allclose(whole, np.arange(51) / 50, rtol=0, atol=1e-12)
 

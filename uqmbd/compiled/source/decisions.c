@@ -49,6 +49,12 @@ static void count_event(const Encounters *e, int64_t m, double now) {
     e->clustered[m] = count;
 }
 
+/* Count an event of a contact, and note it; the number of marks is not limited. */
+static void note(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
+    e->total[m]++;
+    note_mark(e, m, time, event, label);
+}
+
 /* Put the only contact of a realisation into a mode; `heading`: the direction of sliding, if it slips. */
 static void keep_one(const Contacts *c, Group *g, int64_t l, int64_t k, int64_t mode, const double *heading) {
     const Encounters *e = g->pool->encounters;

@@ -9,13 +9,14 @@ enum { MANY_TIMES = 24 }; /* output times in a step above which polynomials betw
 static void interpolant(const Problem *p, Group *g) {
     if (p->implicit) return; /* stages are enough */
     int64_t width = p->width;
-    for (int64_t more = 0; more < 3; more++) {
+    for (int64_t more = 0; more < 3 && any(g->running & ~g->brief); more++) {
         int64_t stage = STAGES + 1 + more;
         combine(p, g, ROW_MORE + more, g->work);
         to_stage(p, g, g->work);
         evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
     }
     for (int64_t r = 0; r < DENSE; r++) accumulate(p, g, ROW_DENSE + r, g->size, 0, g->dense + r * width);
+    if (any(g->brief)) interpolate_brief(p, g);
 }
 
 /* Refuse steps whose interpolant is too inaccurate, and return them.  Their ends may be accurate:

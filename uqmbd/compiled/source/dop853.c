@@ -130,7 +130,7 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
     if (p->implicit) {
         if (g->growth[l] < factor) factor = g->growth[l];
     } else if (error > 1e-10) {
-        double part = 0.9 / __builtin_sqrt(__builtin_sqrt(__builtin_sqrt(error)));
+        double fourth = __builtin_sqrt(__builtin_sqrt(error)), part = 0.9 / (g->brief[l] ? fourth : __builtin_sqrt(fourth));
         if (part < factor) factor = part;
     }
     int64_t before = pool->rejected[m], shortened = before == COARSE || before == AFTER_COARSE;
@@ -202,7 +202,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
     if (p->implicit)
         attempt_implicit(p, g);
     else
-        attempt(p, g);
+        attempt_all(p, pool, g);
     Mask taken = decide(p, pool, g, status);
     if (!any(taken)) return;
     if (p->surplus) find_surplus(p, g, g->surplus);
@@ -218,9 +218,9 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
     }
     Mask stiff = {0}, whole = {0};
     if (!p->implicit) {
-        stiff = looks_stiff(p, g);
+        stiff = looks_stiff(p, g) & ~g->brief;
         /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
-        whole = taken & (g->error > splat(1.0 / 256.0));
+        whole = taken & ~g->brief & (g->error > splat(1.0 / 256.0));
     }
     int64_t known = any(whole);
     if (known) {

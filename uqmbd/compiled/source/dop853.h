@@ -83,6 +83,7 @@ typedef struct {
     int64_t refusals;        /* so many refused steps in a row: somebody decides */
     int64_t attempts;        /* most of a leg */
     int64_t guarded;         /* whether somebody decides about refused steps, and those off the constraints */
+    int64_t brief;           /* whether whole integration intervals are tried with order 5 (brief.c) */
     int64_t instants;        /* number of output times */
     const double *times;
     const double *leg_ends, *leg_longest; /* of all members, one after the other */
@@ -109,6 +110,7 @@ typedef struct {
     int64_t *trusted;  /* the next step may stray */
     int64_t *told;     /* stop after each step */
     int64_t *steps, *known; /* accepted steps; how many of the last states are known */
+    int64_t *pause;         /* integration intervals in which no step of order 5 is tried (brief.c) */
     double *node_times, *nodes; /* (member, NODES), (member, NODES, width) */
     double *history;        /* (member, stages width + 2): stages of the last step, its size, and how fast its iteration was;
                                of implicit steps only */

@@ -8,6 +8,7 @@
 #include "turning.c"
 #include "attempt.c"
 #include "radau.c"
+#include "brief.c"
 #include "dense.c"
 #include "coulomb.c"
 #include "reserves.c"

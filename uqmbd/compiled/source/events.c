@@ -214,12 +214,6 @@ static void note_mark(const Encounters *e, int64_t m, double time, int64_t event
     e->noted[m]++;
 }
 
-/* Count an event of a contact, and note it; the number of marks is not limited. */
-static void note(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
-    e->total[m]++;
-    note_mark(e, m, time, event, label);
-}
-
 /* Note the marks until parts of the step. */
 static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
     const Contacts *c = p->contacts;

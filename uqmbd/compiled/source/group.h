@@ -40,6 +40,8 @@ typedef struct {
     V *control;         /* work array of the laws of controllers */
     Mask arming;        /* lanes whose guards have to be found */
     Mask due;           /* lanes that have reached an instant of controllers */
+    V *slopes;          /* rates of steps of order 5, and the states at their ends (brief.c) */
+    Mask brief;         /* lanes whose last attempt was such a step */
 } Group;
 
 /* A row of all lanes, or one of its numbers in all lanes. */

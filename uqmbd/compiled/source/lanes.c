@@ -4,6 +4,7 @@
 /* Rows of the workspace for implicit steps. */
 int64_t implicit_rows(const Problem *p);
 static void place_implicit(const Problem *p, Group *g, V *at);
+static int64_t brief_rows(const Problem *p);
 static void load_control(const Problem *p, Group *g, int64_t l, int64_t m);
 
 int64_t advance_workspace(const Problem *p) {
@@ -11,6 +12,7 @@ int64_t advance_workspace(const Problem *p) {
     rows += 2 * p->coordinates + p->equations + 1 + POINTS * GROUPS;
     if (p->implicit) rows += implicit_rows(p);
     if (p->control) rows += p->control->rows;
+    rows += brief_rows(p);
     return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
 }
 
@@ -64,7 +66,10 @@ static void place(const Problem *p, Group *g, double *workspace) {
         g->control = at;
         at += p->control->rows;
     }
+    g->slopes = at;
+    at += brief_rows(p);
     if (p->contacts) place_contacts(p->contacts, g, at);
+    g->brief = (Mask){0};
     g->evaluations = 0;
 }
 

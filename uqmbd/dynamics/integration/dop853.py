@@ -152,6 +152,8 @@ class Integration:
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
         if patient:
             method = replace(method, attempts=MOST, patience=2**62)
+        # most intervals between samples of controllers are shorter than accuracy requires
+        method = replace(method, brief=self.sampling is not None)
         share = IMPLICIT_SHARE if stages else 1.0
         method = replace(method, rtol=share * rtol)
         self.most = MOST if comparing or patient else STEPS

@@ -31,6 +31,7 @@ PARTS = (
     "turning",
     "attempt",
     "radau",
+    "brief",
     "dense",
     "coulomb",
     "reserves",
