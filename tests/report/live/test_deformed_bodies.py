@@ -2,6 +2,7 @@
 
 import json
 
+import chaospy
 import numpy as np
 import pytest
 
@@ -9,8 +10,10 @@ import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.report import motion
 from uqmbd.report.charts import json_script
-from uqmbd.report.live import collect_player_data
-from uqmbd.report.mechanisms import Sketch, drawn_pose, magnification, stated_pose, world
+from uqmbd.report.live import collect_player_data, packed_poses, pose_surrogate
+from uqmbd.report.mechanisms import Sketch, drawn_pose, magnification, motion_at, stated_pose, world
+from uqmbd.results import surrogate
+from uqmbd_collocation import Collocation
 from uqmbd_flexible import Beam, flexible_body
 from uqmbd_joints import Fixed, Revolute
 
@@ -22,18 +25,18 @@ SPACE_BEAM = Beam(
 )  # fmt: skip
 
 
-def swinging(model=BEAM, initial=()):
+def swinging(model=BEAM, initial=(), weight=0.5, observed=range(5)):
     """A beam that swings about a pin, with a mass at its tip; outputs are the positions of its nodes."""
     spatial = model.dimension == 3
     space = uqmbd.Spatial(gravity=(0, -9.81, 3)) if spatial else uqmbd.Planar(gravity=(0, -9.81))
     origin = (0, 0, 0) if spatial else (0, 0)
     mechanism = uqmbd.Mechanism("beam", space)
     rod = flexible_body(mechanism, "rod", model, initial=initial)
-    tip = mechanism.body("tip", mass=0.5, inertia=(1e-3,) * 3 if spatial else 1e-3, position=(1, *origin[1:]))
+    tip = mechanism.body("tip", mass=weight, inertia=(1e-3,) * 3 if spatial else 1e-3, position=(1, *origin[1:]))
     axes = {"axis_i": (0, 0, 1), "axis_j": (0, 0, 1)} if spatial else {}
     mechanism.add(Revolute("pin", mechanism.ground, rod.node("start"), origin, origin, **axes))
     mechanism.add(Fixed("weld", rod.node("end"), tip, origin, origin))
-    for node in range(5):
+    for node in observed:
         for axis, x in enumerate(rod.node_point(node)):
             mechanism.output(f"node {node} {axis}", x, units="m")
     return mechanism
@@ -75,6 +78,46 @@ def test_drawn_nodes_are_outputs_of_the_motion(node, model):
 
 def _size(player):
     return max(high - low for low, high in zip(*player["bounds"], strict=True))
+
+
+FOUND = """
+const mechanism = new Mechanism(given.player);
+const live = new LivePoses(given.data);
+const at = (germs) => { const found = live.evaluate(germs); return Array.from(mechanism.times, (time) => mechanism.foundAt(found, time)); };
+answer = { points: given.germs.map(at), error: live.largestError(mechanism.reaches) };
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "method", [Collocation(order=4, label="c"), Collocation(order=4, elements=2, label="c")], ids=["plain", "elements"]
+)
+@pytest.mark.parametrize("model", [BEAM, SPACE_BEAM], ids=["plane", "space"])
+def test_bodies_are_deformed_at_inputs_of_sliders_and_by_methods(node, model, method):
+    """Points of the page at chosen inputs are those of a motion that is integrated at these inputs."""
+    factor = uqmbd.RandomVariable("factor", chaospy.Uniform(0.98, 1.02))
+    weight = uqmbd.RandomVariable("weight", chaospy.Uniform(0.45, 0.55), units="kg")
+    mechanism = swinging(model.scaled(stiffness=factor), weight=weight, observed=[4])
+    study = uqmbd.Study("beam", mechanism, TIMES / 20, [method])
+    made = pose_surrogate(study, "c", frames=len(TIMES), known=surrogate(study.run()["c"]))
+    exact = motion(study, samples=3, frames=len(TIMES))
+    assert abs(exact["displacement"].values).max() > 1e-4
+    space = surrogate(made["coordinates"]).space
+    germs = space.to_germs(
+        exact["inputs"].values[:, [list(exact["input"].values).index(name) for name in space.inputs]]
+    )
+    data = {"player": collect_player_data(exact), "data": packed_poses(made), "germs": germs.tolist()}
+    page = node(["mechanism.js", "poses.js"], FOUND, json.loads(json_script(data)))
+    points = world(exact)
+    assert page["error"] < 2e-4
+    np.testing.assert_allclose(page["points"], points, atol=10 * page["error"] + 2e-6)
+
+    drawn = motion(study, samples=3, frames=len(TIMES), method="c")
+    again = world(drawn)
+    for row, inputs in enumerate(drawn["inputs"].values[1:], 1):
+        at = dict(zip(drawn["input"].values.tolist(), inputs, strict=True))
+        wanted = world(motion_at(study, at, frames=len(TIMES)).to_dataset())[0]
+        np.testing.assert_allclose(again[row], wanted, atol=2e-4)
 
 
 def test_given_and_assembled_poses_are_deformed():

@@ -51,10 +51,18 @@ export class Mechanism {
   }
 
   /** Displacement of a point, by its number among those that move in their bodies, m. */
-  displacementOf(realisation, frame, n) {
-    const { values, points } = this.displaced;
-    const start = ((realisation * this.times.length + frame) * points.length + n) * this.dimension;
+  displacementOf(realisation, frame, n, values = this.displaced.values) {
+    const start = ((realisation * this.times.length + frame) * this.displaced.points.length + n) * this.dimension;
     return Array.from(values.subarray(start, start + this.dimension));
+  }
+
+  /** What returns a point in its body, displaced at some frames, from a point without displacement. */
+  displacing(realisation, weights, values) {
+    const moved = new Map(this.displaced?.points.map((k, n) => [k, n]));
+    return (k, still) => {
+      if (!moved.has(k)) return still;
+      return plus(still, poseAt((frame) => this.displacementOf(realisation, frame, moved.get(k), values), weights, this.dimension), this.magnified);
+    };
   }
 
   /** What returns the pose of a body at a frame, from those of all frames and bodies; the first frame is at `from`. */
@@ -75,27 +83,26 @@ export class Mechanism {
   storedAt(realisation, time) {
     const { stored, local, dimension, owners, times } = this;
     const weights = this.framesAt(time);
-    const moved = new Map(this.displaced?.points.map((k, n) => [k, n]));
+    const displaced = this.displacing(realisation, weights);
     return this.place(
       (b) => poseAt(this.reader(stored, realisation * times.length, b), weights, dimension),
       (k) => {
         const from = (realisation * owners.length + k) * dimension;
-        const still = Array.from(local.subarray(from, from + dimension));
-        if (!moved.has(k)) return still;
-        return plus(still, poseAt((frame) => this.displacementOf(realisation, frame, moved.get(k)), weights, dimension), this.magnified);
+        return displaced(k, Array.from(local.subarray(from, from + dimension)));
       },
     );
   }
 
   /** Those of poses from LivePoses at a time; points that are not known are those of the first realisation. */
-  foundAt({ poses, points }, time) {
+  foundAt({ poses, points, displaced }, time) {
     const { local, dimension } = this;
     const weights = this.framesAt(time);
+    const moved = displaced ? this.displacing(0, weights, displaced) : (_, still) => still;
     return this.place(
       (b) => poseAt(this.reader(poses, 0, b), weights, dimension),
       (k) => {
-        if (points === null) return Array.from(local.subarray(k * dimension, (k + 1) * dimension));
-        return Array.from(points.subarray(k * (dimension + 1), k * (dimension + 1) + dimension));
+        if (points === null) return moved(k, Array.from(local.subarray(k * dimension, (k + 1) * dimension)));
+        return moved(k, Array.from(points.subarray(k * (dimension + 1), k * (dimension + 1) + dimension)));
       },
     );
   }

@@ -170,7 +170,7 @@ export function makePlayer(figure, data) {
   /** State the scale of deformations in the drawing. */
   function tellScale() {
     if (!deformed) return "";
-    if (found && named === null) return " Flexible bodies are undeformed: the surrogate does not contain their deformation.";
+    if (found && !found.displaced && named === null) return " Flexible bodies are undeformed: the results are older and do not contain their deformation.";
     if (mechanism.magnified === 0) return " Flexible bodies are undeformed.";
     if (mechanism.magnified === 1) return " Deformations are at true scale.";
     return ` Deformations are magnified by ${formatNumber(mechanism.magnified)}; joints of flexible bodies are therefore open.`;

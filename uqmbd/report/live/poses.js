@@ -19,13 +19,18 @@ export class LivePoses {
     this.dimension = Math.max(data.dimension, 2);
     this.width = Math.max(data.size, 2);
     this.poses = new Float64Array(this.times.length * this.bodies.length * this.width);
+    // number of points that move in their bodies; index and axis of each of their displacements
+    this.moving = data.moving;
+    this.moved = data.moved;
+    this.displaced = this.moving ? new Float64Array(this.times.length * this.moving * this.dimension) : null;
   }
 
   /**
    * Evaluate at germs.
    *
-   * Returns { poses, points, outside, unverified }: poses (frame, body, width), overwritten by the next call; points
-   * (point, dimension + 1) in the frames of their bodies, with radii, m, or null; the others as LiveSurrogate.evaluate.
+   * Returns { poses, points, displaced, outside, unverified }: poses (frame, body, width), overwritten by the next call;
+   * points (point, dimension + 1) in the frames of their bodies, with radii, m, or null; displaced (frame, moving point,
+   * dimension), m, or null; the others as LiveSurrogate.evaluate.
    */
   evaluate(germs) {
     const { poses, size, width, dimension } = this;
@@ -43,8 +48,12 @@ export class LivePoses {
         }
         for (let c = dimension; c < size; c++) poses[to + c] /= Math.sqrt(square);
       }
+    this.moved.forEach(([n, axis], k) => {
+      for (let t = 0; t < frames; t++)
+        this.displaced[(t * this.moving + n) * dimension + axis + this.shift] = values[(count * size + k) * frames + t];
+    });
     const points = this.points && this.points.evaluate(germs).values;
-    return { poses, points, outside, unverified };
+    return { poses, points, displaced: this.displaced, outside, unverified };
   }
 
   /**
@@ -68,6 +77,16 @@ export class LivePoses {
         // a unit quaternion, or half-angle pair, that is off by e turns by 2 e
         largest = Math.max(largest, Math.sqrt(moved) + 2 * Math.sqrt(turned) * reaches[b] || 0);
       }
-    return largest;
+    return largest + this.largestDisplacementError();
+  }
+
+  /** The largest stated error of a displacement in a body, in m, as a root mean square. */
+  largestDisplacementError() {
+    const { statedRms, count } = this.coordinates;
+    const squares = new Float64Array(this.moving * count);
+    this.moved.forEach(([n], k) => {
+      for (let t = 0; t < count; t++) squares[n * count + t] += statedRms[(this.bodies.length * this.size + k) * count + t] ** 2 || 0;
+    });
+    return Math.sqrt(squares.reduce((a, b) => Math.max(a, b), 0));
   }
 }

@@ -9,7 +9,8 @@ For other surrogates, the method runs once more with every body coordinate as an
 elements, events and phases as the surrogate, but the second run doubles the cost of the method. Poses are omitted if
 their cost is a large part of the whole run.
 
-Points in the frames of bodies are also functions of the inputs. Polynomials fit them without further realisations.
+Points in the frames of bodies are also functions of the inputs. Polynomials fit them without further realisations. The
+displacements of points that move in their bodies, such as nodes of flexible bodies, are fitted with the poses.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from uqmbd.errors import StudyError
 from uqmbd.plugins import InputTreatment, such_as
 from uqmbd.report.charts import json_script
 from uqmbd.report.live.surrogates import LARGEST, live_method, no_surrogate, packed_surrogate, with_surrogate
-from uqmbd.report.mechanisms import coordinate_names, integrated_bodies, marked_points, observed_bodies
+from uqmbd.report.mechanisms import integrated_poses, marked_points, moved_axes, observed_bodies, pose_names
 from uqmbd.results import PolynomialChaos, propagator_nodes, surrogate
 from uqmbd.results.chaos import Surrogate, least_squares, random_germs, spread_germs, surrogate_parts
 from uqmbd.results.schema import labels
@@ -60,7 +61,7 @@ CHECKS = 32
 
 
 def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surrogate | None = None) -> xr.DataTree:
-    """Make surrogates of the poses of the bodies of a study, for `packed_poses`.
+    """Make surrogates of the poses of the bodies of a study, and of displacements of their points, for `packed_poses`.
 
     `method` is the label of a method with a surrogate. `frames` is the number of times, evenly spread over the study.
     `known` is the surrogate of the outputs. If it is a `PolynomialChaos`, the surrogates of poses have the same terms,
@@ -82,10 +83,13 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surro
         "upright": int(study.mechanism.space.dimension == 1 and not study.mechanism.space.gravity[0].is_zero),
         "realisations": realisations,
     }
+    count, moved = moved_axes(study)
+    if moved:
+        found.attrs |= {"moving": count, "moved_points": [n for n, _ in moved], "moved_axes": [k for _, k in moved]}
     for path, data in parts.items():
         found[f"coordinates/{path}"] = xr.DataTree(data)
     coordinates = surrogate(found.children["coordinates"])
-    if [o.name for o in coordinates.labels.outputs] != _names(study):
+    if [o.name for o in coordinates.labels.outputs] != pose_names(study):
         raise StudyError(f"The method {method!r} has no surrogate of all coordinates.")
     if len(np.asarray(coordinates.labels.times)) < frames:
         raise StudyError(f"The surrogates of {method!r} end before the last frame.")
@@ -94,17 +98,12 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surro
     return found
 
 
-def _names(study: Study) -> list[str]:
-    """Return the names of the coordinates of all bodies, sorted by body."""
-    return [name for body in study.mechanism.bodies for name in coordinate_names(study, body)]
-
-
 def _fitted(study: Study, known: PolynomialChaos, frames: int) -> PolynomialChaos:
-    """Fit the terms of a polynomial chaos to the coordinates of the bodies in further realisations."""
+    """Fit the terms of a polynomial chaos to poses and displacements in further realisations."""
     space, terms = known.space, known.multi_index
     germs = [spread_germs(space, _fit_size(terms), 2)[: _fit_size(terms)], random_germs(space, CHECKED, 3)]
     values = space.to_inputs(np.concatenate(germs))[:, _columns(study, space)]
-    found, message = integrated_bodies(study, frames, values)
+    found, message = integrated_poses(study, frames, values)
     if not np.isfinite(found).all():
         failed = int((~np.isfinite(found).all(axis=(1, 2))).sum())
         raise StudyError(f"{failed} of {len(found)} realisations for poses failed: {message}")
@@ -112,7 +111,7 @@ def _fitted(study: Study, known: PolynomialChaos, frames: int) -> PolynomialChao
     split = len(germs[0])
     coefficients = least_squares(response[:split], space.evaluate(germs[0], terms)).coefficients
     times = np.linspace(study.times[0], study.times[-1], frames)
-    axes = labels(_names(study), list(known.labels.inputs), times)
+    axes = labels(pose_names(study), list(known.labels.inputs), times)
     return PolynomialChaos(coefficients, terms, space, axes, germs[1], response[split:])
 
 
@@ -232,12 +231,16 @@ def packed_poses(node: xr.DataTree) -> dict[str, Any]:
     `node` is the result of `pose_surrogate`. In the result, ``bodies`` contains names, and ``size`` is the length of
     the pose of a body. The first ``dimension`` numbers of a pose are the position, the others a quaternion (in the
     plane the cosine and sine of half the angle). ``upright`` is 1 for a line with gravity, which is drawn vertically;
-    otherwise 0. ``coordinates`` and ``points`` contain results of `packed_surrogate`; ``points`` is None if only bodies
-    are drawn.
+    otherwise 0. ``moving`` is the number of points that move in their bodies. ``moved`` contains index and axis of each
+    of their displacements, which follow the coordinates of the bodies. ``coordinates`` and ``points`` contain results
+    of `packed_surrogate`; ``points`` is None if only bodies are drawn.
     """
+    moved = [np.atleast_1d(node.attrs.get(name, [])) for name in ("moved_points", "moved_axes")]
     return {
         "bodies": [str(name) for name in np.atleast_1d(node.attrs["bodies"])],
         **{name: int(node.attrs[name]) for name in ("dimension", "size", "upright")},
+        "moving": int(node.attrs.get("moving", 0)),
+        "moved": [[int(n), int(axis)] for n, axis in zip(*moved, strict=True)],
         "coordinates": packed_surrogate(surrogate(node.children["coordinates"])),
         "points": packed_surrogate(surrogate(node.children["points"])) if "points" in node.children else None,
     }

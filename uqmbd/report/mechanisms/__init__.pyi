@@ -3,12 +3,13 @@
 from .animation import SECONDS as SECONDS
 from .animation import animate as animate
 from .animation import check_target as check_target
-from .animation import coordinate_names as coordinate_names
 from .animation import gif as gif
-from .animation import integrated_bodies as integrated_bodies
+from .animation import integrated_poses as integrated_poses
 from .animation import marked_points as marked_points
 from .animation import motion as motion
+from .animation import moved_axes as moved_axes
 from .animation import observed_bodies as observed_bodies
+from .animation import pose_names as pose_names
 from .animation import poses as poses
 from .animation import with_motion as with_motion
 from .body_poses import drawn_pose as drawn_pose

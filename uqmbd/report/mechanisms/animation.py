@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, Seed, typechecked
 from uqmbd.errors import StudyError
+from uqmbd.report.mechanisms.deformation import displacement_entries, displacements
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.named_realisations import most_likely_violations, worst_realisations
 
@@ -30,12 +31,13 @@ if TYPE_CHECKING:
 __all__ = [
     "animate",
     "check_target",
-    "coordinate_names",
     "gif",
-    "integrated_bodies",
+    "integrated_poses",
     "marked_points",
     "motion",
+    "moved_axes",
     "observed_bodies",
+    "pose_names",
     "poses",
     "with_motion",
 ]
@@ -109,27 +111,43 @@ def motion(
 
 
 def observed_bodies(study: Study, frames: int, method: str) -> tuple[xr.DataTree, list[str]]:
-    """Run a method again with all body coordinates as outputs at `frames` times; return its node and output names."""
+    """Run a method again with the outputs `pose_names` at `frames` times; return its node and the names."""
     from uqmbd.report.mechanisms.body_poses import observed_bodies as run
 
     return run(study, np.linspace(study.times[0], study.times[-1], frames), method)
 
 
-def coordinate_names(study: Study, body: str) -> list[str]:
-    """Return the output names for the coordinates of a body."""
-    from uqmbd.report.mechanisms.body_poses import coordinate_names as names
+def pose_names(study: Study) -> list[str]:
+    """Return the names of the coordinates of all bodies, sorted by body, and of the displacements `moved_axes`."""
+    from uqmbd.report.mechanisms.body_poses import coordinate_names, displacement_names
 
-    return names(study.mechanism, body)
+    own = [name for body in study.mechanism.bodies for name in coordinate_names(study.mechanism, body)]
+    return [*own, *displacement_names(study.mechanism, float(study.times[0]))]
 
 
-def integrated_bodies(study: Study, frames: int, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-    """Return body coordinates (K, T, coordinate) at inputs (K, d), and the first reason of a failure or an empty text.
+def moved_axes(study: Study) -> tuple[int, list[tuple[int, int]]]:
+    """Return the number of points that move in their bodies, and index and axis of each of their displacements."""
+    from uqmbd.mechanism import collect_skeleton
 
-    Coordinates are NaN where the integration failed.
+    start = float(study.times[0])
+    count = sum(bool(mark.moving) for mark in collect_skeleton(study.mechanism, start))
+    return count, list(displacement_entries(study.mechanism, start))
+
+
+def integrated_poses(study: Study, frames: int, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """Return the quantities `pose_names` (K, T, name) at inputs (K, d), and the first reason of a failure or no text.
+
+    The quantities are NaN where the integration failed.
     """
     from uqmbd.report.mechanisms.body_poses import integrated
 
-    return integrated(study, np.linspace(study.times[0], study.times[-1], frames), values)
+    mechanism = study.mechanism
+    q, message = integrated(study, np.linspace(study.times[0], study.times[-1], frames), values)
+    entries = list(displacement_entries(mechanism, float(study.times[0])).values())
+    bodies = q[..., : len(mechanism.bodies) * mechanism.space.size]
+    return (
+        np.concatenate([bodies, displacements(mechanism, entries, q, values)], axis=-1) if entries else bodies
+    ), message
 
 
 def marked_points(study: Study, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -24,7 +24,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation import build_observed_model, input_point
-from uqmbd.report.mechanisms.deformation import coordinate_sets, displaced_points, in_the_plane
+from uqmbd.report.mechanisms.deformation import (
+    coordinate_sets,
+    displaced_points,
+    displacement_entries,
+    in_the_plane,
+    rest_points,
+)
 from uqmbd.report.mechanisms.named_realisations import NamedRealisation
 from uqmbd.report.mechanisms.pose_data import PoseData
 from uqmbd.report.mechanisms.solids import collect_solids
@@ -36,11 +42,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from uqmbd.dynamics import Model
-    from uqmbd.mechanism import Component, Mechanism, Space
+    from uqmbd.mechanism import Body, Component, Mechanism, Space
     from uqmbd.propagation import Study
 
 __all__ = [
     "coordinate_names",
+    "displacement_names",
     "drawn_pose",
     "integrated",
     "marked_points",
@@ -189,7 +196,6 @@ def motion(
             q, message = integrated(study, times, values)
         else:
             at_means, message = integrated(study, times, means)
-            at_means = at_means[..., : len(study.mechanism.bodies) * study.mechanism.space.size]
             values, q = _of_method(study, times, samples, seed, method)
             values, q = np.concatenate([means, values]), np.concatenate([at_means, q])
     good: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=(1, 2)))
@@ -228,7 +234,10 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
     from uqmbd.results import surrogate
     from uqmbd.results.chaos import surrogate_parts
 
-    node, names = observed_bodies(study, times, method)
+    coordinates = {name: x for body in study.mechanism.bodies.values() for name, x in _named_coordinates(study, body)}
+    own = [x for one in coordinate_sets(study.mechanism) for x in one.q]
+    coordinates |= {f"coordinate {k} of components, for pictures": x for k, x in enumerate(own)}
+    node, names = _observed(study, times, method, coordinates), list(coordinates)
     if "samples" in node.children:
         data = node["samples"].to_dataset()
         data = data.isel(sample=np.flatnonzero(data["status"].values == Status.OK)[:samples])
@@ -247,29 +256,39 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
 
 
 def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTree, list[str]]:
-    """Run a method of a study with every body coordinate as an additional output.
+    """Run a method of a study with coordinates of bodies and displacements of points as additional outputs.
 
-    Return the result of the method, and the names of the coordinate outputs, sorted by body.
+    Return the result of the method, and the names of these outputs: `coordinate_names` of the bodies, then those of
+    `displacement_names`.
     """
+    mechanism = study.mechanism
+    outputs = {name: x for body in mechanism.bodies.values() for name, x in _named_coordinates(study, body)}
+    entries = displacement_entries(mechanism, float(study.times[0])).values()
+    outputs |= dict(zip(displacement_names(mechanism, float(study.times[0])), entries, strict=True))
+    return _observed(study, times, method, outputs), list(outputs)
+
+
+def _named_coordinates(study: Study, body: Body) -> list[tuple[str, Any]]:
+    return list(zip(coordinate_names(study.mechanism, body.name), body.q, strict=True))
+
+
+def _observed(study: Study, times: Array, method: str, outputs: Mapping[str, Any]) -> xr.DataTree:
+    """Return the result of a method of a study with additional outputs."""
     from uqmbd.propagation import Study
 
     propagators = {p.node_name: p for p in study.propagators}
     if method not in propagators:
         raise StudyError(f"study {study.name!r} has no method {method!r}; its methods are: {', '.join(propagators)}.")
-    # add every coordinate as an output to a copy of the mechanism
     observed = copy.copy(study.mechanism)
-    names = []
-    for body in study.mechanism.bodies.values():
-        for name, symbol in zip(coordinate_names(study.mechanism, body.name), body.q, strict=True):
-            names.append(name)
-            observed.output(name, symbol)
+    for name, expression in outputs.items():
+        observed.output(name, expression)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the run issues these warnings
         longest = study.max_step if np.isfinite(study.max_step) else None
         again = Study(
             study.name, observed, times, [], study.rtol, study.integrator, study.start, (), None, longest, study.breaks
         )
-        return again.propagate(propagators[method]), names
+        return again.propagate(propagators[method])
 
 
 def coordinate_names(mechanism: Mechanism, body: str) -> list[str]:
@@ -277,14 +296,23 @@ def coordinate_names(mechanism: Mechanism, body: str) -> list[str]:
     return [f"{name} of {body}, for pictures" for name in mechanism.space.coordinates]
 
 
+def displacement_names(mechanism: Mechanism, time: float) -> list[str]:
+    """Return the output names for the displacements of points that move in their bodies."""
+    entries = displacement_entries(mechanism, time)
+    return [f"displacement {axis} of point {n}, for pictures" for n, axis in entries]
+
+
 def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Array, Array]:
-    """Return the drawn points in body frames at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
+    """Return the drawn points in body frames at inputs (K, d): points (K, N, axes) and radii (K, N), m.
+
+    Points that move in their bodies are at zero coordinates of components.
+    """
     from uqmbd.dynamics import ParameterMap
     from uqmbd.mechanism import collect_skeleton
 
     variables = mechanism.inputs.variables
     marks = collect_skeleton(mechanism, time)
-    local = ParameterMap.of([x for mark in marks for x in mark.local], variables)(values)
+    local = ParameterMap.of(rest_points(mechanism, marks), variables)(values)
     radii = ParameterMap.of([mark.radius for mark in marks], variables)(values)
     local = local.reshape(len(values), len(marks), mechanism.space.dimension)
     return in_the_plane(mechanism, local), radii.reshape(len(values), len(marks))
