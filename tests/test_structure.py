@@ -39,7 +39,7 @@ STATEMENTS = {
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_840,
     "uqmbd.randomness": 5_600,
-    "uqmbd.report": 8_700,
+    "uqmbd.report": 8_740,
     "uqmbd.results": 9_830,
     "uqmbd.testing": 2_810,
     "uqmbd.units": 285,
