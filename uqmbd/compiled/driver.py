@@ -107,7 +107,7 @@ class ProblemStruct(ctypes.Structure):
         *((name, _INT) for name in ("positions", "equations")),
         ("tableau", _POINTER),
         *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "between", "stiff")),
-        *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "brief", "instants")),
+        *((name, _INT) for name in ("patience", "early", "refusals", "attempts", "guarded", "brief", "instants")),
         ("times", _POINTER),
         *((name, _POINTER) for name in ("interval_ends", "interval_longest", "interval_jumps", "contacts", "places")),
         *(("room", _INT), ("implicit", _POINTER), ("control", _POINTER)),

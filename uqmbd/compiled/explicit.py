@@ -133,10 +133,11 @@ class ExplicitOptions:
     far: float  # distance from the constraints above which an interpolated state is marked as poor
     surplus: float  # distance by which a step may leave the constraints, in tolerances
     stiff: float  # step size times norm of the Jacobian above which stability instead of accuracy limits the step
-    patience: int  # number of consecutive steps that must appear stiff
+    patience: int  # number of consecutive steps that must appear stiff; of steps and rejected steps, if `early`
     refusals: int  # number of consecutive rejected steps before the driver returns for a decision
     attempts: int  # maximum number of attempted steps of an integration interval
     guarded: bool  # whether the driver returns for a decision on rejected steps and on steps that leave the constraints
+    early: bool = False  # whether up to five other steps may be between those that appear stiff
     between: float = np.inf  # error of the interpolant above which a step is rejected, in tolerances
     brief: bool = False  # whether steps over whole integration intervals are tried with order 5
 
@@ -375,7 +376,7 @@ class IntegrationState:
             *(0 if d.constraints is None else address(k.surplus), address(k.residuals), k.positions, len(k.residuals)),
             ctypes.addressof(coefficients[0]),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.between, m.stiff),
-            *(m.patience, m.refusals, m.attempts, int(m.guarded), int(m.brief), len(self.times)),
+            *(m.patience, int(m.early), m.refusals, m.attempts, int(m.guarded), int(m.brief), len(self.times)),
             *map(address, (self.times, self.interval_ends, self.interval_longest, self.interval_jumps)),
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),

@@ -326,3 +326,42 @@ def test_undamped_oscillations_are_not_stiff(rtol, integrator):
     node = study.run()["monte-carlo"]
     assert node.attrs["failures"] == 0
     assert json.loads(node.attrs["solver_counters"]).get("stiff", 0) == 0
+
+
+def undamped_chain():
+    """Three masses on springs, with frequencies from 7 to 140 rad/s that all take part."""
+    mechanism = uqmbd.Mechanism("chain", uqmbd.Line())
+    before = mechanism.ground
+    for k, (mass, stiffness) in enumerate(((1, 1e4), (2, 100), (0.5, 3e3))):
+        body = mechanism.body(f"mass{k}", mass=mass, position=k + 1.1 + 0.05 * k)
+        mechanism.add(SpringDamper(f"spring{k}", before, body, 0, 0, stiffness=stiffness, free_length=1))
+        before = body
+    return mechanism
+
+
+def tumbling_body():
+    """A body with three moments of inertia, on an undamped elastic bearing off its centre of mass."""
+    mechanism = uqmbd.Mechanism("body", uqmbd.Spatial(gravity=(0, 0, -G)))
+    body = mechanism.body("body", mass=1, inertia=(0.1, 0.2, 0.25), angular_velocity=(0.1, 8.0, 0.1))
+    mechanism.add(Bushing("bearing", mechanism.ground, body, at=(0, 0, 0.2), stiffness=(1e4, 1e4, 2e4, 0, 0, 0)))
+    return mechanism
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("mechanism", [undamped_chain, tumbling_body, lambda: double_pendulum(0)])
+def test_accurate_steps_are_not_stiff(mechanism, rtol):
+    """Motions whose fastest oscillations take part: accuracy limits the steps, and no step size counts as unstable."""
+    ensemble = Ensemble(build(mechanism()), np.zeros((1, 0)))
+    found = integrate(ensemble, np.linspace(0, 2, 21), rtol)
+    assert found.counters.stiff == 0 and found.counters.by_dop853 == 1
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 1e8])
+def test_stiffness_is_found_early(stiffness):
+    """A tenth of the realisations took a thousand explicit steps: their sizes vary about the limit of stability."""
+    model, times = build(double_pendulum(stiffness)), np.linspace(0, 2, 21)
+    values = np.random.default_rng(0).uniform(0.5 * stiffness, 1.5 * stiffness, (64, 1))
+    found, implicit = (integrate(Ensemble(model, values), times, 1e-6, name) for name in ("auto", "radau"))
+    assert found.counters.by_radau == 64
+    assert found.counters.steps - implicit.counters.steps < 15 * 64
+    assert found.states.tobytes() == implicit.states.tobytes()

@@ -153,3 +153,52 @@ static void attempt(const Problem *p, Group *g) {
     /* if both vanish, so does the error; NaN and infinity are preserved */
     g->error = g->size * fifth / root((fifth + 0.01 * third) * p->moving + 1e-300);
 }
+
+/* Whether stability limits the steps: their size times a rate of the equations, from the last two stages.
+
+   Without auxiliary states, changes of accelerations follow from those of positions and of velocities, a = K q + C v.
+   Then neither an oscillation nor a decay has a rate below both |a| / |v| and root(|a| / |q|), for every phase.  With
+   auxiliary states, the ratio of all changes is used, which depends on the phase. */
+static Mask looks_stiff(const Problem *p, const Group *g) {
+    int64_t width = p->width, n = p->coordinates, first = p->velocities;
+    V places = splat(0.0), speeds = splat(0.0), states = splat(0.0), change = splat(0.0), other = splat(0.0);
+    for (int64_t i = 0; i < width; i++) {
+        V a = g->rates[STAGES * width + i] - g->rates[(STAGES - 1) * width + i], b = g->next[i] - g->last[i];
+        if (i < n)
+            places += b * b;
+        else if (i < first)
+            states += b * b;
+        else
+            speeds += b * b;
+        if (i < first)
+            other += a * a;
+        else
+            change += a * a;
+    }
+    places = folded(p, places);
+    speeds = folded(p, speeds);
+    change = folded(p, change);
+    V rate = smaller(change / (speeds + 1e-300), root(change / (places + 1e-300)));
+    if (first > n) rate = (change + folded(p, other)) / (places + speeds + folded(p, states) + 1e-300);
+    return g->size * root(rate) > splat(p->stiff);
+}
+
+/* Count a step; whether there were enough that look stiff: in a row, or, for an early decision, without CALM others in
+   a row between them.  Where stability limits the steps, their sizes vary about the limit. */
+static int count_stiff(const Problem *p, const Pool *pool, int64_t m, int stiff, int shortened) {
+    int64_t *count = pool->stiff + m, calm = p->early ? CALM : 1;
+    if (stiff)
+        *count = (*count / calm + 1) * calm;
+    else if (!shortened && *count && (calm == 1 || ++*count % calm == 0))
+        *count = 0;
+    return *count / calm >= p->patience;
+}
+
+/* Count refused attempts that look stiff.  Fast motions may decay in shorter steps, which then do not look stiff: the
+   next one is longer, unstable, and refused.  Sizes before the first step are guesses. */
+static void count_refused(const Problem *p, const Pool *pool, const Group *g, Mask stiff, int64_t *status) {
+    for (int64_t l = 0; l < LANES; l++)
+        if (g->running[l] && stiff[l] && status[l] == RUNNING && pool->steps[g->member[l]] &&
+            count_stiff(p, pool, g->member[l], 1, 0))
+            status[l] = STIFF;
+}

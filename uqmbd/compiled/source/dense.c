@@ -38,7 +38,7 @@ static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask who
         }
         g->wanted[l] = g->size[l] * (off[l] < 1e300 && shrink[l] > 0.2 ? shrink[l] : 0.2);
         pool->rejected[m] = COARSE;
-        pool->stiff[m] += stiff[l] != 0;
+        if (stiff[l]) count_stiff(p, pool, m, 1, 1);
     }
     return coarse;
 }

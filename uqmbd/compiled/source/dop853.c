@@ -17,18 +17,6 @@ static Mask strayed(const Problem *p, const Group *g) {
     return doubtful & ~(sum <= most);
 }
 
-/* Whether stability limits the steps. */
-static Mask looks_stiff(const Problem *p, const Group *g) {
-    int64_t width = p->width;
-    V change = splat(0.0), apart = splat(0.0);
-    for (int64_t i = 0; i < width; i++) {
-        V a = g->rates[STAGES * width + i] - g->rates[(STAGES - 1) * width + i], b = g->next[i] - g->last[i];
-        change += a * a;
-        apart += b * b;
-    }
-    return g->size * root(folded(p, change) / (folded(p, apart) + 1e-300)) > splat(p->stiff);
-}
-
 /* Remember the states that were reached. */
 static void remember(const Problem *p, Group *g, Mask taken) {
     int64_t width = p->width;
@@ -140,8 +128,7 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
     pool->refused[m] = pool->trusted[m] = 0;
     pool->steps[m]++;
     if (pool->known[m] < NODES) pool->known[m]++;
-    if (stiff || !shortened) pool->stiff[m] = stiff ? pool->stiff[m] + 1 : 0;
-    if (pool->stiff[m] >= p->patience) return STIFF;
+    if (count_stiff(p, pool, m, stiff, shortened)) return STIFF;
     if (g->now[l] < g->end[l] - (g->low[l] - g->begin[l])) return pool->told[m] ? STEPPED : RUNNING;
     int64_t leg = pool->leg[m]++;
     g->now[l] = g->begin[l] = g->end[l];
@@ -203,7 +190,11 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
         attempt_implicit(p, g);
     else
         attempt_all(p, pool, g);
-    Mask taken = decide(p, pool, g, status);
+    Mask taken = decide(p, pool, g, status), stiff = {0}, whole = {0};
+    if (!p->implicit) {
+        stiff = looks_stiff(p, g) & ~g->brief;
+        if (p->early) count_refused(p, pool, g, stiff & ~taken, status);
+    }
     if (!any(taken)) return;
     if (p->surplus) find_surplus(p, g, g->surplus);
     if (p->equations) find_near(p, g);
@@ -216,12 +207,8 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
             g->wanted[l] = g->size[l];
         }
     }
-    Mask stiff = {0}, whole = {0};
-    if (!p->implicit) {
-        stiff = looks_stiff(p, g) & ~g->brief;
-        /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
-        whole = taken & ~g->brief & (g->error > splat(1.0 / 256.0));
-    }
+    /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
+    if (!p->implicit) whole = taken & ~g->brief & (g->error > splat(1.0 / 256.0));
     int64_t known = any(whole);
     if (known) {
         interpolant(p, g);

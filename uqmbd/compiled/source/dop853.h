@@ -56,6 +56,8 @@ enum {
    that they do not end a row of stiff steps; nor does the step after. */
 enum { INACCURATE = 1, COARSE, AFTER_COARSE };
 
+enum { CALM = 6 }; /* steps in a row that do not look stiff after which those before do not count, for early decisions */
+
 typedef struct {
     int64_t terms;                          /* 0: lanes are realisations; else the number of rows of one problem */
     int64_t blocks;                         /* vectors of each entry of a state */
@@ -79,7 +81,8 @@ typedef struct {
     double surplus_allowed;  /* a step that leads farther off them, in tolerances, is not taken */
     double between;          /* greatest error of the interpolant of a step, in tolerances */
     double stiff;            /* step size times the size of the Jacobian from which stability limits the step */
-    int64_t patience;        /* so many steps in a row: stiff */
+    int64_t patience;        /* so many steps that look stiff: stiff */
+    int64_t early;           /* whether others may be between them, and refused ones count */
     int64_t refusals;        /* so many refused steps in a row: somebody decides */
     int64_t attempts;        /* most of a leg */
     int64_t guarded;         /* whether somebody decides about refused steps, and those off the constraints */
