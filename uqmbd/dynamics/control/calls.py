@@ -22,19 +22,19 @@ SAME = 1e-9
 
 
 def called(
-    loop: ControlLoop, time: float, measured: Array, state: Array, about: str = ""
+    loop: ControlLoop, time: float, measured: Array, state: Array, whole: int = 0
 ) -> tuple[Array, Array, dict[int, str]]:
     """Call the function of a controller at a time, s; return commands (M, command), states (M, state) and reasons.
 
     The arguments are measurements (M, measured) and states (M, state).  The third result contains the reason of each
     failed row.  The function may own the returned arrays, and change them in its next call.  Raises `uqmbd.StudyError`
-    if the function raises, or its result has a wrong shape; `about` is appended to the message.
+    if the function raises, or its result has a wrong shape; the message mentions a call for a part of `whole` rows.
     """
     count = len(measured)
-    given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())
     assert loop.shipped is not None
     try:
-        found = loop.shipped.function(*given)
+        function = loop.shipped.function
+        found = function(time, measured.copy(), state.copy()) if loop.states else function(time, measured.copy())
         if not loop.states and type(found) is np.ndarray and found.dtype == FLOAT:
             # most functions; this path takes no time for checks that it does not need
             width = len(loop.commands)
@@ -45,13 +45,14 @@ def called(
     except StudyError as error:
         raise StudyError(f"Controller {loop.name!r}, at t = {time:.6g} s: {error}") from error
     except Exception as error:
+        about = _again(count, whole)
         shapes = f"measured of shape {measured.shape}" + (f" and state of shape {state.shape}" if loop.states else "")
         raise StudyError(
             f"Controller {loop.name!r}: its function raised {type(error).__name__}: {error}{_place(error)}, at "
             f"t = {time:.6g} s with {shapes}{about}. uqmbd calls function(time, measured"
             f"{', state' * bool(loop.states)}), with a row of the arrays for each realisation of a group."
         ) from error
-    where, reasons = f"Controller {loop.name!r}", dict[int, str]()
+    where, reasons, about = f"Controller {loop.name!r}", dict[int, str](), _again(count, whole)
     if isinstance(found, tuple) and found and isinstance(found[-1], dict):
         found, reasons = (found[0] if len(found) == 2 else found[:-1]), _reasons(where, found[-1], count, time)
     if not loop.states:
@@ -66,6 +67,11 @@ def called(
         _columns(where, "the new state", found[1], loop.states, count, time, about),
         reasons,
     )
+
+
+def _again(count: int, whole: int) -> str:
+    """Return the end of a message about a call for a part of a group."""
+    return f", called again for {count} of {whole}" if whole else ""
 
 
 def failures(

@@ -322,7 +322,8 @@ class Integration:
         count, status, instants = len(main.status), main.status, control.instant
         waiting, answer = np.full(count, ASKED).tobytes(), None
         # comparisons of bytes take less time than those of arrays
-        while status.tobytes() == waiting and instants.tobytes() == instants[:1].tobytes() * count:
+        width = instants.itemsize
+        while status.tobytes() == waiting and (due := instants.tobytes()) == due[:width] * count:
             if answer is None:
                 answer = sampling.answering(control.measured, main.z, self.every, control.answers)
             answer(int(instants[0]))
