@@ -1,7 +1,9 @@
 /* Decisions about events of lanes: impacts, rest, lift-off, and the ends of sticking and sliding.
 
    Here are those about lanes with one closed contact; several.c decides about several ones, and about dry friction of
-   joints.  The caller decides about events without a unique motion, and beyond the bounds of the enumerations. */
+   joints.  The caller decides about events without a unique motion, and beyond the bounds of the enumerations.
+
+   Length: eight lanes pass all parts of a decision together, from the evaluation of contacts to the restart. */
 #include "group.h"
 
 static const double TOUCHES = 1e-9;  /* gap, relative to the size of the mechanism, that counts as closed */
