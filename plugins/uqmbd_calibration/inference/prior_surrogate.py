@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,16 @@ from uqmbd.results import surrogate
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.blocks import Block
 from uqmbd_calibration.inference.points import OperatingPoint
+from uqmbd_calibration.inference.searching import spread_over_prior
 
 __all__ = ["PriorSurrogate", "default_methods", "read_prior_surrogates"]
 
 
 ROWS = 4_000_000
 """Largest number of values in one evaluation."""
+
+PREDICTED = 256
+"""Number of points of the prior, at which predictions bound unknown errors."""
 
 HIGHEST, OVER, VERIFY = 6, 1.5, 16
 """Default methods: highest order, number of realisations for each polynomial term, number of verification
@@ -65,21 +69,41 @@ def read_prior_surrogates(
     Raise StudyError if the method does not provide a surrogate.
     """
     parts: list[tuple[Any, Index, Array]] = []
-    independent = point.space.independent
     for block in blocks:
         node = nodes[-1] if block.timeless else nodes[0]
         wanted, rows = np.unique(block.columns, return_inverse=True)
         chaos = surrogate(node, block.output, times=wanted.tolist())
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            rms = chaos.verification_rms() if chaos.verification_response is not None else np.zeros((1, len(wanted)))
-        # an unknown error counts as very large, so that the surrogate has no influence
-        variance = np.where(np.isfinite(rms[0]), rms[0] ** 2, np.inf)[rows]
-        largest = np.max(variance[np.isfinite(variance)], initial=0.0)
-        parts.append(
-            (chaos, rows, np.where(np.isfinite(variance), variance, 1e4 * largest + np.ptp(block.values) ** 2))
-        )
-    return PriorSurrogate(point, tuple(parts), independent)
+        # the error of a surrogate without verification realisations is unknown
+        rms = np.full(len(wanted), np.nan)
+        if chaos.verification_response is not None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                rms = chaos.verification_rms()[0]
+        parts.append((chaos, rows, rms[rows] ** 2))
+    found = PriorSurrogate(point, tuple(parts), point.space.independent)
+    if all(np.isfinite(square).all() for square in found.variances):
+        return found
+    predicted = found(spread_over_prior(point.space.dimension, PREDICTED, 0))
+    complete = tuple(
+        (chaos, rows, _with_bounds(square, own, block.values))
+        for (chaos, rows, square), own, block in zip(parts, predicted, blocks, strict=True)
+    )
+    return replace(found, parts=complete)
+
+
+def _with_bounds(squares: Array, predicted: Array, values: Array) -> Array:
+    """Return mean square errors (n,) of predictions (K, n) of values (n,), with a bound for each unknown error.
+
+    The bound is the mean square distance of the value from the predictions over the prior. It exceeds the variance of
+    the predictions, so that a surrogate of unknown accuracy has little influence.
+    """
+    known = np.isfinite(squares)
+    away = (predicted - values) ** 2
+    there = np.isfinite(away)
+    distance = np.where(there, away, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    # 1e4: unknown next to known errors, as of a surrogate that ends early
+    bound = 1e4 * np.max(squares[known], initial=0.0) + np.maximum(distance, np.ptp(values) ** 2)
+    return np.where(known, squares, bound)
 
 
 def default_methods(
