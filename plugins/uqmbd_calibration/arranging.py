@@ -134,11 +134,11 @@ def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Seq
             continue
         for record in records:
             if names & set(record.known):
+                wrong = ", ".join(sorted(names & set(record.known)))
                 raise uqmbd.StudyError(
-                    f"calibrate: record {record.name!r} states the known input "
-                    f"{', '.join(sorted(names & set(record.known)))}, which depends on "
-                    f"{', '.join(sorted(names - set(record.known))) or 'others'}. Only independent inputs can be "
-                    "known in a record."
+                    f"calibrate: record {record.name!r} states values of {wrong} in known. The inputs "
+                    f"{', '.join(sorted(names))} depend on each other, and only independent inputs can be known; omit "
+                    f"{wrong} from known."
                 )
         if 0 < len(names & set(individual)) < len(names):
             raise uqmbd.StudyError(
@@ -205,8 +205,8 @@ def _point(
         if moving and times[-1] > study.times[-1] + TIME_TOLERANCE * abs(times[-1]):
             raise uqmbd.StudyError(
                 f"calibrate: the records end at {times[-1]:g} s, but the study ends at {study.times[-1]:g} s. "
-                "Because the records contain a scalar output of the whole motion, both must end at the same time; "
-                "change the output times of the study."
+                "The records contain a scalar output of the whole motion, so they must not end after the study; extend "
+                "the output times of the study."
             )
         times = _merged(times, study.times) if moving else study.times
     if moving and len(times) == 1:

@@ -42,7 +42,8 @@ def calibrate(
     Parameters
     ----------
     study : uqmbd.Study
-        Study with the mechanism. Only its first time is used, because records have their own times.
+        Study with the mechanism. Records have their own times, so only the first time of the study is used. All its
+        times are used if a record contains a scalar output, or if no record has a later time.
     records : Record or sequence of Record
         Measurements.
     surrogate : uqmbd.extend.Propagator, optional
@@ -52,8 +53,8 @@ def calibrate(
         reuses its surrogate, and counts the realisations of this surrogate again.
     realisations : int, optional
         Largest number of realisations of the mechanism for each operating point and machine, including realisations for
-        the surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum with more than
-        1 % of the probability may add half of this number.
+        the surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum of the
+        posterior with more than 1 % of the probability may add half of this number.
     draws, chains : int
         Number of stored draws of the posterior, and of independent ensembles of walkers.
     noise : {"normal", "student"}

@@ -57,7 +57,7 @@ class Found:
         if place >= len(points) or not point.same(points[place]):
             raise uqmbd.StudyError(
                 "calibrate: surrogate is a calibration with different inputs, outputs, times or known values. Use a "
-                "calibration of the same study and record times, or a method, e.g. Collocation(order=3)."
+                "calibration of the same study with records at the same times, or a method, e.g. Collocation(order=3)."
             )
         point.spent += self.spent[place]
         return self.nodes[place]

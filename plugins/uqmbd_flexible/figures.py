@@ -54,7 +54,9 @@ def mode_shapes(model: ModalModel, modes: Annotated[int, uqmbd.extend.Bounds(1, 
 
     shapes = list({id(x): x for x in model.nodes.values()}.values())
     if not shapes:
-        raise uqmbd.StudyError("mode_shapes: the model has no nodes to draw.")
+        raise uqmbd.StudyError(
+            "mode_shapes: the model has no nodes to draw. Give the nodes to the model: ModalModel(..., nodes={...})."
+        )
     places = np.array([x.position for x in shapes])
     moved = np.array([x.translation for x in shapes])
     count = min(modes, model.modes)

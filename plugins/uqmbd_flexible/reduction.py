@@ -282,7 +282,7 @@ def basis_of(where: str, mass: Any, stiffness: Any, fixed: Array, modes: int) ->
     if modes > len(inner):
         raise uqmbd.StudyError(
             f"{where}: modes is {modes}, but the model has only {len(inner)} degrees of freedom that are not at "
-            "interfaces."
+            f"interfaces. Use modes={len(inner)} or less, or a finer model."
         )
     basis = np.zeros((size, len(fixed) + modes))
     basis[fixed, np.arange(len(fixed))] = 1.0
@@ -313,7 +313,8 @@ def _free_modes(where: str, fields: NodalLayout, mass: Any, stiffness: Any, mode
     size, rigid = mass.shape[0], fields.dimension + fields.rotations
     if modes > size - rigid:
         raise uqmbd.StudyError(
-            f"{where}: free_modes is {modes}, but the free body has only {size - rigid} elastic modes."
+            f"{where}: free_modes is {modes}, but the free body has only {size - rigid} elastic modes. Use "
+            f"free_modes={size - rigid} or less, or a finer model."
         )
     count = rigid + modes
     if size <= DENSE or count > size - 2:

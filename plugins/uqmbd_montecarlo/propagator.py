@@ -73,8 +73,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
     keep : int
         Largest number of samples in the results. If there are more, the statistics still include all samples, and the
         memory does not grow with their number. With a folder, all samples are stored in ``LABEL-samples.zarr``, and the
-        quantiles are computed from this store. Without a folder, the quantiles are estimated from counts during the
-        run, and ``quantile_error`` bounds their error.
+        quantiles are computed from this store. Without a folder, the quantiles are estimated from a histogram that is
+        filled during the run, and ``quantile_error`` bounds their error.
     control : uqmbd.extend.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
         Control variate, which reduces the errors of mean and standard deviation. The control is one of:
 
@@ -89,14 +89,15 @@ class MonteCarlo(uqmbd.extend.Propagator):
         whose realisations succeed. Skewness, kurtosis and quantiles are computed from the samples alone, without the
         control.
     sobol_indices : bool
-        Estimate first and total Sobol' indices with 95 % jackknife intervals by the pick-freeze method. The inputs must
-        be independent. The samples form N = `samples` / 2 pairs, and each input needs N further realisations. The total
-        is N (d + 2) realisations for d inputs. At most `keep` realisations are in memory at once.
+        Estimate first and total Sobol' indices by the pick-freeze method, with 95 % jackknife intervals. The jackknife
+        omits one block of independent rows of the design at a time. The inputs must be independent. The samples form
+        N = `samples` / 2 pairs, and each input needs N further realisations. The total is N (d + 2) realisations for d
+        inputs. At most `keep` realisations are in memory at once.
 
         With sampled paths, ``variance_share`` contains the shares of parameters alone, paths alone, and both.
 
         For designs with dependent points (Sobol', Halton, Latin hypercube), the two samples of a pair are the halves of
-        a point in 2 d dimensions. The intervals are then computed over the replicates. All other statistics are
+        a point in 2 d dimensions. The jackknife then omits one replicate at a time. All other statistics are
         computed from the samples; for random sampling, this option does not change them. An output that some
         realisations do not have, such as the time of an event, has statistics but no indices (NaN, with the reason).
         Under the condition that the event occurs, the inputs are not independent.

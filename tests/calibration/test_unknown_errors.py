@@ -52,7 +52,13 @@ def test_a_realisation_at_each_draw_makes_up_for_an_unverified_surrogate():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", uqmbd.StudyWarning)
         found = calibrate(
-            study(), WAY, surrogate=Collocation(order=1, verify=0), realisations=200, draws=400, chains=2, progress=False
+            study(),
+            WAY,
+            surrogate=Collocation(order=1, verify=0),
+            realisations=200,
+            draws=400,
+            chains=2,
+            progress=False,
         )
     draws = found.tree["posterior"]["a"].values
     assert found.checks["even"] and not found.checks["widened"]

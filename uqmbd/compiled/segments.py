@@ -1,8 +1,9 @@
 """Evaluate samples of segment-wise expansions, between event or phase markers, and of harmonics, at given times.
 
 NumPy takes ten times as long for segments, because it gathers the coefficients of the segment separately for each
-value. For harmonics, even with products of harmonics at few times, it takes five times as long. The compiled loop
-computes the values at two times, symmetric about a third one, from the same even and odd parts. It makes no copies.
+value. For harmonics, NumPy takes five times as long, even if it computes them as products of harmonics at few times.
+The compiled loop computes the values at two times, symmetric about a third one, from the same even and odd parts. It
+makes no copies.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ BLOCK = 4
 """Number of Chebyshev polynomials, and of times, that the driver evaluates at once."""
 
 ROOM = 136
-"""Size of the buffer of the driver, in times of a sample; it includes four additional times."""
+"""Number of times in the driver's buffer for one output of one sample, including four additional times."""
 
 SLACK = 1e-12
 """Allowed rounding error of the last edge, a sum of terms, relative to the largest time."""
@@ -35,10 +36,10 @@ class SegmentTable:
     """Coefficients of segment-wise expansions, in the order of their evaluation by the driver."""
 
     edges: Array  # (S + 1, P): terms of the begin and end times of segments
-    used: Index  # (S, C): groups of four Chebyshev polynomials of an output in a segment
-    counts: Index  # (S, C, B): number of leading terms of four polynomials that are not zero
+    used: Index  # (S, C): number of groups of four Chebyshev polynomials of an output in a segment
+    counts: Index  # (S, C, B): number of leading terms that are not zero in a group of four polynomials
     starts: Index  # (S, C): index of the first coefficient of an output in a segment
-    coefficients: Array  # one axis: four polynomials term by term; then by group of four, output and segment
+    coefficients: Array  # one axis, ordered by segment, output, group of four polynomials, term, polynomial
 
     @classmethod
     def of(cls, edges: Array, segments: Array) -> SegmentTable:
@@ -119,13 +120,14 @@ class SegmentTable:
 
 
 CACHE = 192
-"""Number of harmonics, at all distances in a block, that fit in the first cache (eight samples, 128 bytes each)."""
+"""Largest number of harmonics times time offsets in a block: the values of eight samples, 128 bytes, fit in the first
+cache."""
 
 HARMONICS = 1 << 16
-"""Number of harmonics of samples at all blocks (16 bytes each) that are computed at once."""
+"""Largest number of values that are computed at once: samples times blocks times base frequencies, 16 bytes each."""
 
 EVEN = 1e-9
-"""Largest difference between time steps, relative to the last time, for which times count as uniform."""
+"""Largest deviation of times from a uniform grid, relative to its step, for which they count as uniform."""
 
 
 def sum_harmonics(

@@ -61,13 +61,16 @@ OF_OBJECTS = frozenset(
         "settled_space",
     }
 )
-"""Properties of every component; name, bodies, values and other attributes determine its equations."""
+"""Attributes of every component that are not digested directly.
+
+`Digests.component` adds name, bodies, values and coordinates; the other attributes in this set do not affect the
+equations."""
 
 
 def compute_model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
     """Return a digest of a mechanism and other plain data, or None if part of the content is unknown.
 
-    The input values `rows` are examined in addition to the means.
+    The key also contains the input values `rows`.
     """
     if mechanism.controllers or not unpatched():
         return None
@@ -100,7 +103,7 @@ class Digests:
         self.contents: list[Content] = []
         """Contents of classes and functions, by number."""
         self.known: dict[int, tuple[Any, bytes]] = {}
-        """Values and their digests, by identity; a reference keeps each value alive while its number is in use."""
+        """Values and their digests, by `id`; the reference to a value prevents Python from reusing its `id`."""
         self.open: set[int] = set()
 
     def mechanism(self) -> Sequence[Any]:
@@ -182,7 +185,7 @@ class Digests:
         if (content := code_of(value)) is not None:
             return ("code", self.number(value, content)), ()
         if isinstance(value, CONTAINERS):
-            raise NoDigest  # of a class that may contain more data than its attributes
+            raise NoDigest  # subclasses of containers may contain more data than their attributes
         if is_dataclass(value):
             names = [x.name for x in fields(value)]
             if vars_of(value).keys() - set(names):

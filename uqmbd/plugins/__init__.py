@@ -1,4 +1,4 @@
-"""Plugins: hooks that a plugin package can implement, and search, loading and isolation of the packages.
+"""Hooks that a plugin package can implement, and the search, loading and isolation of plugin packages.
 
 A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of ten
 hooks, each of which returns classes::

@@ -20,7 +20,7 @@ __all__ = ["Child", "ChildEnded", "ChildTimeout", "UNPREPARED", "end_early", "fi
 
 
 UNPREPARED = "--unprepared"
-"""Argument of a process that does not draw a mechanism before its script."""
+"""Argument of a process that draws no mechanism while it waits for its script."""
 
 START = 120.0
 """Time limit for the start of a process, which imports large packages, s."""
@@ -103,7 +103,7 @@ class Child:
                 yield answer
 
     def end(self) -> None:
-        """End the process, and all processes that its script started."""
+        """End the process and, except on Windows, all processes that its script started."""
         with contextlib.suppress(OSError):
             if hasattr(os, "killpg"):
                 os.killpg(self._process.pid, signal.SIGKILL)

@@ -1,9 +1,10 @@
 """Posterior as dependent random variables, with smooth marginal distributions and a Gaussian copula.
 
-Each input is an increasing function of a standard normal variable. The rank correlations of the draws determine the
-correlations of these variables. The function is the simplest one that agrees with the draws: an increasing cubic, or a
-curve through quantiles of the draws. For an input with an independent prior, the transform of the prior to the input
-is applied to the cubic.
+Each input is an increasing function of a standard normal variable. The correlations of these variables are those of
+the normal scores of the draws: standard normal quantiles at their ranks. The function is the first of the following
+that agrees with the draws. For an input with an independent prior, an increasing cubic is tried as the argument of the
+prior's transform from a standard normal variable to the input. Next come an increasing cubic, and a curve through
+quantiles of the draws.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ CURVED = 0.5
 """Curvature of a pair above which a Gaussian copula is not accurate."""
 
 MOMENTS, AWAY = 0.03, 0.1
-"""Limits for a cubic: differences of mean and deviation, and mean distance of quantiles, in deviations."""
+"""Limits for a table, relative to the standard deviation of the draws: differences of mean and standard deviation, and
+root mean square distance of the table from the draws."""
 
 
 def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
@@ -71,8 +73,9 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
 def curvature(normal: Array) -> Array:
     """Return the deviation of pairs of normal variables (K, d) from a Gaussian copula, (d, d), by their joint moments.
 
-    The result is the larger of two moments. The first is the mean of the square of one variable times the other, zero
-    for a copula. The second is the error of the mean product of squares, for pairs with a correlation below 0.5.
+    The result is the larger of two moments. The first is the mean of the square of one variable times the other; for a
+    Gaussian copula it is zero. The second is the error of the mean product of squares, for pairs with a correlation
+    below 0.5.
 
     >>> x, y = np.random.default_rng(0).standard_normal((2, 4000))
     >>> round(float(curvature(np.stack([x, y], axis=1))[0, 1]), 1)
@@ -90,7 +93,7 @@ def curvature(normal: Array) -> Array:
 
 def _selected_table(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
     """Return the first table within bounds and close to the draws; without such a table, a curve through quantiles."""
-    # the stated bounds of an infinite support are finite: if draws are beyond a bound, the support is infinite
+    # chaospy states finite bounds even for an infinite support: if a draw is beyond a bound, the support is infinite
     lower = lower if lower <= values.min() else -np.inf
     upper = upper if upper >= values.max() else np.inf
     mean, sd = values.mean(), max(float(values.std()), 1e-300)

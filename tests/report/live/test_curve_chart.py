@@ -259,8 +259,11 @@ def test_several_charts_have_axes_of_their_own():
         (Chart("y", ["a", 2.0], [Curve("a", [1])], "t"), "names or numbers, not both"),
         (Chart("y", "ab", [Curve("a", [1, 2])], "t"), "expected a list of names"),
         (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], 3), "title is 3; expected a text"),
-        (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t", limits={"x": "high"}), "finite numbers by their names"),
-        (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t", limits=[1.0]), "finite numbers by their names"),
+        (
+            Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t", limits={"x": "high"}),
+            "a mapping from names to finite numbers",
+        ),
+        (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t", limits=[1.0]), "a mapping from names to finite numbers"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", limits={"x": np.inf}), "finite"),
     ],
 )

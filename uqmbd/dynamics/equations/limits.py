@@ -39,7 +39,7 @@ class Limit:
     maximum: float = math.inf  # in these units
     exclusive: bool = False  # whether the ends are excluded
     inputs: Inputs = ()  # for each random variable in it: name, and index among the model parameters
-    constant: str = ""  # effect of a constant equal to the minimum, which a random number must not equal
+    constant: str = ""  # effect of a constant equal to the minimum; a random number must be above the minimum
 
     @property
     def expected(self) -> str:
@@ -124,7 +124,7 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
 
 
 def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
-    """Collect the random numbers that should keep their sign at the means (`Parameter.one_sign`).
+    """Collect the random numbers that should have the same sign for all inputs as at the means (`Parameter.one_sign`).
 
     Missing expressions are appended to `expressions`, as in `limits_of`.
     """

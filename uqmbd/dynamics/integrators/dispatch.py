@@ -46,7 +46,7 @@ def installed_integrators() -> dict[str, type[Integrator]]:
 
 
 def integrator_class(name: str) -> type[Integrator]:
-    """Return the integrator class with this name; a `uqmbd.StudyError` lists installed integrators."""
+    """Return the integrator class with this name; if there is none, raise StudyError with the installed names."""
     found = _integrators_by_name().get(name)
     return cast(type[Integrator], found if found is not None else integrator_of_plugin(name))
 
@@ -148,5 +148,5 @@ def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajec
             f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.extend.Trajectories "
             f"with states of shape {shape} and {shape[0]} messages."
         )
-    # other integrators may have changed the states after the computation of `off`
+    # an integrator of a plugin may have changed the states after it computed `off`, which is then invalid
     return found if name in built_in_names() else replace(found, off=None)

@@ -81,8 +81,8 @@ class Component(AttachedBodies):
 
     ``at=`` gives one point in the world frame instead of `point_i` and `point_j`. ``axis=`` gives one axis in the world
     frame instead of `axis_i` and `axis_j`, or instead of the only axis. The point and the axis refer to the given
-    poses, which must not be random. If the points (axes) of a component need not coincide, its `drawn_by` must not
-    contain ``at`` (``axis``).
+    poses, which must not be random. The attribute `drawn_by` lists the keywords that a class accepts; by default both.
+    If the points (axes) of a component need not coincide, `drawn_by` must not contain ``at`` (``axis``).
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class Component(AttachedBodies):
         for key in self.bodies:
             if key not in given and key not in self.grounded:
                 raise StudyError(f"{where}: {key!r} is missing; give a body or mechanism.ground. {usage}")
-        # reactions act on the last body argument, which a call must contain
+        # bodies with a default come before the others: reactions act on the last body, which a call must contain
         roles = sorted(self.bodies, key=lambda key: (key != self.bodies[0], key not in self.grounded))
         self.attached: dict[str, NamedFrame] = {key: given.pop(key, None) for key in roles}
         self.given = given
@@ -251,7 +251,7 @@ class Component(AttachedBodies):
         return {}
 
     def coordinates(self) -> Mapping[str, Coordinate]:
-        """Return generalised coordinates of the component with kinetic energy, by name; default: none.
+        """Return the generalised coordinates of the component that have kinetic energy, by name; default: none.
 
         `Mechanism.add` calls this method after `prepare`. The equations of motion contain one row for each coordinate,
         which follows from the energies, the virtual work and the constraints of all components.
@@ -259,7 +259,7 @@ class Component(AttachedBodies):
         return {}
 
     def largest_speeds(self) -> Mapping[str, float]:
-        """Return the largest angular speeds of attached bodies with which the component is valid; default: none.
+        """Return the angular speeds of attached bodies up to which the component is valid; default: none.
 
         `uqmbd.simulate` warns if a body turns faster.
 
@@ -286,12 +286,13 @@ class Component(AttachedBodies):
         raise NotImplementedError
 
     def stated(self, p: Local) -> tuple[list[Term], sympy.Matrix]:
-        """Return the terms and the reference point of reactions; an error message states the faulty term.
+        """Return the terms and the reference point of reactions.
 
         Raises
         ------
         uqmbd.StudyError
-            If the method `terms` of the component raises any exception.
+            If the method `terms` or `reaction_point` of the component raises any exception. The message states the
+            method, the file and the line.
         """
         self.stating = True
         method = "terms()"
@@ -310,7 +311,10 @@ class Component(AttachedBodies):
             self.stating = False
 
     def reaction_point(self, p: Local) -> sympy.Matrix:
-        """Return the world position of the reference point of `reaction_moment`: `point_i` if it exists."""
+        """Return the world position of the reference point of `reaction_moment`.
+
+        The point is `point_i`; without this parameter `point`; without both, the origin of the first body argument.
+        """
         if not self.bodies:
             return sympy.zeros(p.space.dimension, 1)
         first = getattr(p, self.bodies[0])
@@ -358,7 +362,7 @@ class Component(AttachedBodies):
         Parameters
         ----------
         name : str
-            Name of the state in ``p.state(name, units)`` in the terms of the component; this call also sets its units.
+            Name of the state in ``p.state(name, units)`` in the terms of the component. The call also sets the units.
 
         Returns
         -------

@@ -122,7 +122,8 @@ def numbers(
         raise StudyError(f"{where}: {key} is an array of the shape {value.shape}; {expected}.")
     parts = _row(value)
     if parts is None:
-        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {expected} in a flat sequence.")
+        flat = "" if size == 1 else " in a flat sequence"
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {expected}{flat}.")
     if len(parts) != size and not any(isinstance(x, (str, bytes)) for x in parts):
         count = f"{len(parts)} number{'s' * (len(parts) != 1)}"
         raise StudyError(f"{where}: {key} has {count}, expected {size}{f' ({hint})' if hint else ''}; it is {value!r}.")

@@ -227,7 +227,9 @@ def _largest(wrong: Array) -> float:
 
 
 def _next(count: int, coarser: float, error: float, most: int) -> int | None:
-    """Return the next number of times, from the errors with the current number and half of it; None if it suffices.
+    """Return the next number of times, from the errors with the current number and half of it.
+
+    Return None if the error is small enough, if the current number is the largest, or if more times cannot help.
 
     Errors of smooth outputs follow the order of the splines. Errors at kinks may decrease so slowly that no admissible
     number of times resolves them. The next number of times then makes the error acceptable, if possible.

@@ -131,7 +131,7 @@ def checked_chart(chart: Chart) -> Chart:
     moments, found = checked(chart.name, places, chart.curves, axis, categories=bool(names))
     for key, levels in (("limits", chart.limits), ("references", chart.references)):
         if not isinstance(levels, Mapping) or not all(map(_finite, levels.values())):
-            raise StudyError(f"{where}: {key} is {levels!r}; expected finite numbers by their names.")
+            raise StudyError(f"{where}: {key} is {levels!r}; expected a mapping from names to finite numbers.")
     ends = chart.ends
     if ends is not None and not (len(ends) == 2 and all(map(_finite, ends)) and ends[0] < ends[1]):
         raise StudyError(f"{where}: ends is {ends!r}; expected two finite numbers that increase.")

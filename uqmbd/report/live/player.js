@@ -56,7 +56,7 @@ export function makePlayer(figure, data) {
       cloud = others.checked;
       repaint();
     });
-    controls.append(element("label", {}, others, ` ${data.realisations - 1} realisations`));
+    controls.append(element("label", {}, others, ` ${data.realisations - 1} realisation${data.realisations > 2 ? "s" : ""}`));
   }
   const pose = element("select", { title: "Realisation that is drawn" });
   const poseNames = ["at the means of the inputs", ...data.named.map((one) => one.name)];

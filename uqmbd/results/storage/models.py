@@ -56,8 +56,8 @@ def model_class(data: xr.Dataset | xr.DataTree) -> type:
     if found is None:
         origin = f"a model {name!r} of {source}" if source else f"a model {name!r}"
         raise StudyError(
-            f"The surrogate is {origin}, which no installed plugin registers, so its data are loaded, but it cannot "
-            "be evaluated. Install the package that registers it with the hook uqmbd_surrogates."
+            f"The surrogate is {origin}, which no installed plugin registers. Its data are loaded, but it cannot be "
+            "evaluated. Install the package that registers it with the hook uqmbd_surrogates."
         )
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
@@ -117,10 +118,8 @@ def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
             )
         inputs = inputs.assign_coords(input=list(names))
     known = [str(name) for name in inputs["input"].values]
-    if len(set(known)) < len(known):
-        raise StudyError(
-            f"The coordinate 'input' contains an input twice: {', '.join(known)}; expected each input once."
-        )
+    if twice := _duplicates(known):
+        raise StudyError(f"The coordinate 'input' contains {twice} more than once; expected each input once.")
     found = {}
     for k, name in enumerate(known):
         one = inputs.isel(input=k)
@@ -131,11 +130,16 @@ def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
     return found
 
 
+def _duplicates(names: Sequence[str]) -> str:
+    """Return the names that occur more than once, as text."""
+    return ", ".join(repr(name) for name, count in Counter(names).items() if count > 1)
+
+
 def _of_frame(frame: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Split a table into columns; rows are points, and a named index becomes a coordinate."""
     columns = [str(name) for name in frame.columns]
-    if len(set(columns)) < len(columns):
-        raise StudyError(f"The table contains a column twice: {', '.join(columns)}; expected each column once.")
+    if twice := _duplicates(columns):
+        raise StudyError(f"The table contains {twice} more than once; expected each column once.")
     index = frame.index
     named = getattr(index, "nlevels", 1) == 1 and index.name is not None
     dim = str(index.name) if named else POINT
