@@ -44,7 +44,7 @@ STATEMENTS = {
     "uqmbd.testing": 2_810,
     "uqmbd.units": 285,
     "uqmbd.viewer": 740,
-    "uqmbd_calibration": 3_420,
+    "uqmbd_calibration": 3_430,
     "uqmbd_collocation": 4_190,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
