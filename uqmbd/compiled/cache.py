@@ -45,7 +45,7 @@ def source_digest(folders: Iterable[Path]) -> bytes:
 
 
 _SOURCES = source_digest(Path(__file__).parents[1] / name for name in ("compiled", "dynamics", "mechanism"))
-"""Digest of the modules that write equations, at import time: later edits affect only the next program."""
+"""Digest of the modules that write equations, computed at import, because this process does not load later edits."""
 
 
 @cache

@@ -43,14 +43,14 @@ STAGES = 12
 ORDER = 8
 POINTS = 8
 NODES = 5
-"""Number of stored states at the ends of the last steps."""
+"""Number of stored states of each realisation: those at the ends of its last steps."""
 BUDGET = 40_000
 """Number of evaluations, of eight states each, after which the driver returns: less than 0.1 s for a small mechanism,
 so that interrupts are possible."""
 
 
 class InterpolatedState(IntEnum):
-    """Interpolated states whose distance from the constraints is known, as in dop853.h; 0 for others."""
+    """Whether an interpolated state is far from the constraints or close to them, as in dop853.h; 0: unknown."""
 
     FAR = 1
     CLOSE = 2
@@ -82,9 +82,9 @@ class Constraints:
     """Residuals of the constraints and the projection onto them, as programs on the work array of `Dynamics`."""
 
     values: ProgramPart  # part of the motion before its solution
-    drift: ProgramPart  # maps to the residuals
-    place: ProgramPart  # corrections of coordinates, after motion or values, and drift
-    move: ProgramPart  # corrections of velocities
+    drift: ProgramPart  # maps a state to the residuals of the constraints
+    place: ProgramPart  # computes corrections of coordinates, after `motion` or `values`, and after `drift`
+    move: ProgramPart  # computes corrections of velocities
     residuals: Index  # (equation,): rows of the residuals, first in position, then in velocity
     positions: int  # number of residuals in position
     surplus: Index  # (2 coordinate,): rows of the corrections

@@ -22,7 +22,7 @@ from uqmbd.typing import Array, Index
 __all__ = ["ContactEntries", "ImplicitEquations", "RadauMethod", "radau_method"]
 
 TOLERANCE = 0.003
-"""Largest error of the stages from their iteration, in tolerances of the step."""
+"""Largest error of the stages due to the iteration, in tolerances of the step."""
 ITERATIONS = 8
 """Largest number of iterations of a step."""
 
@@ -79,9 +79,9 @@ def radau_method(stages: int) -> RadauMethod:
 class ContactEntries:
     """Entries of persistent contacts in the systems: an equation and a force for each direction."""
 
-    along: Index  # (direction, coordinate): number of each given entry of the equations; -1: zero
-    across: Index  # (direction, coordinate): number of each given entry of the forces; -1: zero
-    alone: Index  # (direction,): number of each given entry on the diagonal
+    along: Index  # (direction, coordinate): index of each entry of the equations among the given entries; -1: zero
+    across: Index  # (direction, coordinate): index of each entry of the forces among the given entries; -1: zero
+    alone: Index  # (direction,): index of each entry on the diagonal among the given entries
 
 
 @dataclass(frozen=True)
@@ -101,18 +101,18 @@ class ImplicitEquations(Addressed):
     size: int  # number of unknowns: velocities, auxiliary states, multipliers
     entries: int  # number of entries of a matrix, with fill
     moving: int  # number of given entries with inertia, which are the first ones
-    rows: Index  # (given,): of the given entries, which are the first ones
-    columns: Index  # (given,)
+    rows: Index  # (given,): rows of the given entries, which are the first entries
+    columns: Index  # (given,): columns of the given entries
     inertia: Index  # (given,): rows of the values that are multiplied by eta
     plain: Index  # (given,): rows of the values that are added
     stiffness: Index  # (given,): rows of the values that are divided by eta
     pivots: Index  # (size,): entries in the order of elimination
-    pivot_rows: Index  # (size,)
-    pivot_columns: Index  # (size,)
+    pivot_rows: Index  # (size,): rows of these entries
+    pivot_columns: Index  # (size,): columns of these entries
     below_starts: Index  # (size + 1,): first of the entries below each pivot, and the end
     below: Index  # entries below pivots
     below_rows: Index  # rows of these entries
-    beside_starts: Index  # (size + 1,)
+    beside_starts: Index  # (size + 1,): first of the entries next to each pivot, and the end
     beside: Index  # entries next to pivots
     beside_columns: Index  # columns of these entries
     targets: Index  # for each entry below a pivot and each entry next to it: entry that changes

@@ -38,7 +38,7 @@ PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(8) / 7)
 """Relative times in a step of recorded states; their number determines the interpolant, which has degree 7."""
 
 FINE = np.linspace(-1, 1, 33)
-"""Positions of polynomial values in the search for the largest and smallest value."""
+"""Positions from -1 to 1 at which polynomials are evaluated to find their largest and smallest values."""
 
 ROOM = 1 << 23
 """Maximum number of values of recorded states in the buffer."""
@@ -182,7 +182,7 @@ class StepHistory:
 
 
 class Need(NamedTuple):
-    """Quantity to resolve for an expression."""
+    """Quantity that the polynomials of an expression must resolve."""
 
     # 0: largest value, 1: smallest value, 2: running minimum, 3: integral, 4: time of a zero
     kind: int

@@ -35,7 +35,7 @@ SLACK = 1e-12
 class SegmentTable:
     """Coefficients of segment-wise expansions, in the order of their evaluation by the driver."""
 
-    edges: Array  # (S + 1, P): terms of the begin and end times of segments
+    edges: Array  # (S + 1, P): coefficients of the terms of the times at which segments begin and end
     used: Index  # (S, C): number of groups of four Chebyshev polynomials of an output in a segment
     counts: Index  # (S, C, B): number of leading terms that are not zero in a group of four polynomials
     starts: Index  # (S, C): index of the first coefficient of an output in a segment

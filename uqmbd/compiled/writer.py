@@ -210,7 +210,7 @@ class FunctionWriter:
 
 
 class Masks:
-    """Names of masks, with the masks of undefined comparisons between values that may not be real."""
+    """Names of masks; for comparisons of values that may not be real, also the masks where they are certainly false."""
 
     def __init__(self) -> None:
         # for each mask, the mask of lanes in which it is certainly false; None: its negation

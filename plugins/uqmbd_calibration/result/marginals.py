@@ -2,9 +2,8 @@
 
 Each input is an increasing function of a standard normal variable. The correlations of these variables are those of
 the normal scores of the draws: standard normal quantiles at their ranks. The function is the first of the following
-that agrees with the draws. For an input with an independent prior, an increasing cubic is tried as the argument of the
-prior's transform from a standard normal variable to the input. Next come an increasing cubic, and a curve through
-quantiles of the draws.
+that agrees with the draws. For an input with an independent prior, the first one is the transform of
+the prior, applied to an increasing cubic. Next come an increasing cubic, and a curve through quantiles of the draws.
 """
 
 from __future__ import annotations

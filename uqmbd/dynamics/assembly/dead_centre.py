@@ -26,7 +26,7 @@ __all__ = [
 
 
 UNFELT = 0.3
-"""Least share of a dead centre's residual that no motion changes to first order."""
+"""Share of the residual that no motion changes to first order; a pose with a smaller share is no dead centre."""
 
 VANISHING = 1e-3
 """Singular value, relative to the largest, below which motions count as possible."""

@@ -27,16 +27,16 @@ __all__ = [
 
 
 WATCHED = 6
-"""Largest number of singular values in the search for zeros."""
+"""Largest number of singular values whose zeros over time are searched."""
 
 SMALL = 0.3
-"""Relative size of a singular value below which its zero is computed."""
+"""Singular value, relative to the largest, below which the time of its zero is computed."""
 
 VIOLATION = 100.0
-"""Allowed residual of an omitted redundant equation, in tolerances, relative to the size of the mechanism."""
+"""Allowed residual of an omitted redundant equation, relative to the mechanism's size, divided by the tolerance."""
 
 FINE, COARSE = 1e-6, 1e-2
-"""Least and greatest value of the allowed residual."""
+"""Least and greatest allowed residual, relative to the size of the mechanism."""
 
 BLOCK = 2048
 """Number of states in one evaluation of residuals."""

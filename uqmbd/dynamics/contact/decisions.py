@@ -44,7 +44,7 @@ START = 10.0
 
 It follows from the accuracy of the interpolant."""
 HOLDS, SLIDES = 1, 2
-"""Decided at this instant: a contact sticks without a reserve of friction, or slips in any case; as in decisions.c."""
+"""Decisions at an instant: a contact sticks without a friction reserve, or slips in any case; as in decisions.c."""
 HELD = 1e-6
 """Largest gap of a contact that has persisted so far, relative to the size of the mechanism."""
 

@@ -28,9 +28,9 @@ __all__ = ["EventDrivenMotion"]
 DEEP = 1e-6
 """Largest initial penetration, relative to the size of the mechanism, without an error."""
 MOST = 10_000
-"""Number of events of a realisation that counts as an endless motion, as in decisions.c."""
+"""Number of events of a realisation from which on its motion counts as endless, as in decisions.c."""
 AT_ONCE = 100
-"""Number of events of a realisation without progress in time that counts as an endless motion, as in decisions.c."""
+"""Number of events without progress in time from which on a motion counts as endless, as in decisions.c."""
 STEPS = 50_000
 """Largest number of attempted steps in an interval."""
 LONGEST = 20

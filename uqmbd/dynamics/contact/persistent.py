@@ -52,9 +52,9 @@ CLEAR = 1e-6
 PRESSED = 1e-9
 """Normal force of a redundant contact, relative to the largest force, that counts as zero."""
 UNSTABLE = 1e-9
-"""Negative stiffness of a contact due to coupled bodies, relative to the contact's own, that counts as zero."""
+"""Negative stiffness of a contact due to coupled bodies, relative to its own stiffness, that counts as zero."""
 STILL = 1e-7
-"""Speed, relative to the mechanism's, that counts as zero in a persistent contact with projected velocities."""
+"""Speed in a persistent contact with projected velocities, relative to the mechanism's speed, that counts as zero."""
 
 
 class ContactModes(NamedTuple):

@@ -36,9 +36,9 @@ SINGULAR = 1e-9
 LARGEST = 1e3
 """Largest ratio of internal forces to the least forces."""
 LONGEST = 10.0
-"""Longest time of admissible forces, relative to the time in which the forces change by their size."""
+"""Largest time over which forces must stay admissible, relative to the time in which they change by their size."""
 NEARLY = 1e3
-"""Least ratio of the time of admissible forces to its loss, the optimality gap."""
+"""Ratio of the time of admissible forces to the optimality gap, its largest loss, above which the search ends."""
 CENTRED = 1e-3
 """Square of the Newton decrement that counts as zero."""
 FASTER = 10.0

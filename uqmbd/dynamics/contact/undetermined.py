@@ -23,7 +23,7 @@ __all__ = ["undetermined_forces"]
 
 
 ROOM = 1e-6
-"""Least reserve to the laws, relative to the largest force, for which the forces have a range of values."""
+"""Least reserve of forces to the limits of contact laws, relative to the largest force, for a range of forces."""
 MOVED = 1e-9
 """Part of a combination of forces, relative to its largest force, that counts as zero."""
 

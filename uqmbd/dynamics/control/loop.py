@@ -40,7 +40,7 @@ class ControlLoop:
     held: Index  # indices of the commands, then of the states, among the auxiliary states of the model
     limits: ParameterMap  # from inputs to the smallest values of the commands, then the largest
     shipped: Shipped | None = field(repr=False)  # the function; None: the controller has a law
-    law: Kernel | None = field(repr=False)  # of (time, measured, states, inputs), to commands, then new states
+    law: Kernel | None = field(repr=False)  # maps (time, measured, states, inputs) to commands, then new states
     digest: str = field(default="", repr=False)
     """Hash of all data that affect the controller."""
 

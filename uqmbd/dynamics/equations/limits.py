@@ -67,7 +67,7 @@ class Tensor:
     """Inertia tensor of a body in three dimensions."""
 
     body: str
-    index: Index  # (6,): of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model
+    index: Index  # (6,): indices of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model
     inputs: Inputs = ()  # as for `Limit`
 
     def moments(self, parameters: Array) -> Array:

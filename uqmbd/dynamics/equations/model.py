@@ -124,7 +124,7 @@ class Model:
     largest: tuple[float, ...] = ()
     """Largest valid absolute value of each coordinate of a component."""
     fastest: tuple[tuple[str, int, float], ...] = ()
-    """Component, number of a body, and largest angular speed of the body with which the component is valid, rad/s."""
+    """Component, number of a body, and angular speed of the body up to which the component is valid, rad/s."""
 
     @property
     def of_bodies(self) -> int:

@@ -24,7 +24,7 @@ class PathFamily:
     """Random processes whose paths one input selects together (the key), such as the wind at several points."""
 
     sources: tuple[Any, ...]
-    column: int  # of the key in the inputs
+    column: int  # column of the key in the inputs
     parameters: tuple[tuple[int, ...], ...]  # for each source: indices of the model's parameters that select its path
     lines: ParameterMap  # from inputs to slopes, then offsets, of the arguments of all paths, which are linear in time
 

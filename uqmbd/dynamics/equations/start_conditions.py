@@ -24,7 +24,7 @@ class Conditions:
 
     names: tuple[str, ...]
     of_velocities: Index  # (condition,): whether it is a condition of velocities
-    residuals: OutputMap  # with gradients
+    residuals: OutputMap  # residuals of the conditions, with gradients
     inputs: Index  # indices of random variables of conditions among the parameters of the model
     size: tuple[int, int]  # numbers of coordinates and of constraint equations
 

@@ -14,7 +14,7 @@ __all__ = ["RANK_CHECK", "attempt_cost", "implicit_attempt_cost", "implicit_cost
 
 STAGES = 12
 ENTRY = 25
-"""Operations of the method per entry of a state and evaluation."""
+"""Number of operations of the method in one evaluation, for each entry of a state."""
 ALGEBRA = 1.0
 """Cost of an operation on blocks in the systems of implicit steps."""
 ITERATIONS = 3

@@ -56,9 +56,9 @@ REFUSALS = 3
 SURPLUS = 4.0
 """Residual of the constraints after a step, in tolerances, above which the rank is checked."""
 BETWEEN = 3.0
-"""Interpolation error that rejects a step, relative to the largest error for a smooth oscillation."""
+"""Interpolation error above which a step is rejected, relative to the largest error in a smooth oscillation."""
 SETTLED = 3
-"""Number of projections that satisfy the constraints to rounding."""
+"""Number of projections after which a state satisfies the constraints to rounding."""
 FAR = 1000.0
 """Residual of an interpolated state, in tolerances, above which the state is computed by integration."""
 FARTHEST = 3e-3

@@ -52,7 +52,7 @@ SPARSE_FROM = 150
 """Least number of unknowns for a sparse factorisation."""
 
 OUTLIER = 2.5
-"""Roughness relative to the root mean square of the stack above which a realisation is integrated alone."""
+"""Roughness, relative to its root mean square over the stack, above which a realisation is integrated alone."""
 
 STEPS = 200_000
 """Largest number of steps between two output times."""

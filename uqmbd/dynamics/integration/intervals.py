@@ -20,7 +20,7 @@ BAND = 16.0
 SHARE = 2.0
 """Longest step, relative to the smallest cell of an interval."""
 NEAR = 8.0
-"""Largest gap between fast parts, relative to their cell size, that does not become a separate interval."""
+"""Gap between fast parts, relative to their cell size, below which the gap is joined with them."""
 
 
 class Interval(NamedTuple):

@@ -35,15 +35,15 @@ __all__ = ["SingularPoseWatcher", "regular", "repivoted"]
 
 
 REACH = 4.0
-"""Largest distance of a near singular pose, in steps of the attempted size."""
+"""Largest time to a singular pose that counts as near, relative to the longer of the last and the attempted step."""
 FOOTING = 0.1
-"""Least distance of the end of a step from a singular pose, relative to the step; closer steps are undone."""
+"""Least time from the end of a step to a singular pose, relative to the step; a step that ends closer is undone."""
 APPROACH = 0.4
 """Longest step relative to the time to a singular pose."""
 FEWEST = 4
 """Number of states for a continuation; one state fewer yields the error estimate."""
 PAST = 0.2
-"""The error may be up to `ROUNDING` below this ratio of the time to the pose to that of the best continuation."""
+"""Ratio of the time to a pose to that of the best continuation, up to which an error of `ROUNDING` is allowed."""
 ROUNDING = 1e-7
 """Largest relative error of a continuation if rounding makes the tolerance unattainable."""
 MOST_CHECKS = 60
@@ -51,7 +51,7 @@ MOST_CHECKS = 60
 END = 1e-10
 """Time to a singular pose, relative to the elapsed time, that counts as zero."""
 DEPENDENT = 0.2
-"""Kept equations are nearly dependent below this ratio of their smallest singular value to that of all equations."""
+"""Ratio of the smallest singular values of kept and all equations, below which kept ones are nearly dependent."""
 STRAY = 0.05
 """Largest correction of a continuation by constraints, relative to its distance; branches are farther apart."""
 POOR = 0.1
@@ -72,7 +72,7 @@ class Continuation:
 
     reason: str = ""  # reason why it cannot continue; empty if it can
     back: bool = False  # whether to continue from the previous node
-    others: bool = False  # whether to use other independent equations, those of the watcher's model
+    others: bool = False  # whether to use other independent equations, those of `SingularPoseWatcher.model`
     time: float = 0.0
     state: Array | None = None  # (width,): continue from this state at `time`; until then the motion is ``curve(time)``
     curve: Callable[[Any], Array] | None = None
@@ -155,7 +155,7 @@ class SingularPoseWatcher:
 
     model: Model  # with the currently kept equations
     parameters: Array  # (parameter,)
-    tolerance: float  # relative, and equally absolute for coordinates of size one
+    tolerance: float  # relative tolerance, and absolute tolerance of coordinates of size one
     limit: float = np.inf  # longest step, s
     passed: int = 0  # number of singular poses passed
 

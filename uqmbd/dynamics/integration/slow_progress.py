@@ -20,7 +20,8 @@ from uqmbd.wording import format_duration
 __all__ = ["Pace", "fastest_body"]
 
 PATIENCE = 5.0
-"""Wall time in seconds before the first check of an integration; later checks are each after four times as long."""
+"""Wall time in seconds before the first check of an integration, and between the first two checks of a realisation.
+Each further check is at four times the wall time since the start."""
 
 LONG = 600.0
 """Estimated remaining wall time in seconds, at the rate since the last check, that triggers a report."""

@@ -30,7 +30,7 @@ __all__ = ["LARGEST", "SundialsSolution", "import_sundials", "solve"]
 
 
 LARGEST = 1e100
-"""Largest rate for a step: squares of larger rates, and suitable steps, exceed the range of numbers."""
+"""Largest rate for which a step is possible: the square of a larger rate is outside the range of numbers."""
 
 
 TOO_MUCH_WORK = -1

@@ -34,7 +34,7 @@ ROUNDS = 64
 """Largest number of integrations of a realisation."""
 
 SHORT, SHORTEST = 0.1, 1e-9
-"""Shortest interval that is divided, relative to the whole time: per unit of tolerance, and for every tolerance."""
+"""Shortest interval that is divided, relative to the whole time: `SHORT` times the tolerance, at least `SHORTEST`."""
 
 ENOUGH = 25.0
 """Allowed error of polynomials through every second state, in tolerances: 2^8 times the error with all states."""
@@ -43,7 +43,7 @@ BESIDE = 4
 """Number of neighbours on each side of an unresolved interval whose polynomials depend on it."""
 
 ALONE = 8.0
-"""Ratio of the unpredicted change of states in a jump to the change next to it."""
+"""Least ratio, at a jump, of the unpredicted change of states in an interval to that in the neighbouring intervals."""
 
 
 class _TimeSpan(NamedTuple):

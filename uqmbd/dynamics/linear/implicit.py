@@ -24,10 +24,10 @@ IMPLICIT_LIMIT = 400
 """Largest number of unknowns of a system of implicit steps; the elimination order of larger systems takes seconds."""
 
 RATES = (1e1, 1e3, 1e5)
-"""Eigenvalues over step sizes, 1/s, at which the order of elimination is chosen."""
+"""Eigenvalues of the method divided by step sizes, 1/s, for which the order of elimination is chosen."""
 
 UNEVEN = 2.0**10
-"""Ratio of the masses to the derivatives of a constraint, or its inverse, above which the constraint is scaled."""
+"""Ratio, or inverse ratio, of the masses to the derivatives of a constraint, above which the constraint is scaled."""
 
 Entry = tuple[int, int]
 

@@ -23,7 +23,7 @@ __all__ = ["Front", "rounds_of", "units_of"]
 
 
 REGULAR = 1e-6
-"""Least ratio of the smallest to the largest singular value, after scaling, of a block for elimination."""
+"""Least ratio of the smallest to the largest singular value of a scaled block that may be eliminated."""
 
 WIDE = 2
 """Largest ratio of a unit's degree to the least degree, for elimination in the same round."""

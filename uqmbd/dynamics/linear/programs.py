@@ -18,7 +18,7 @@ from uqmbd.typing import Index, Mask
 __all__ = ["MotionRows", "Programs", "Solver", "programs_of"]
 
 SMALL = 300
-"""Rows of the work array for which the cost of a step is increased by 1."""
+"""Number of rows of the work array that increases the cost of a step by 1."""
 
 Solver = Kernel | FrontalSolver
 Residual = Kernel | RowResiduals

@@ -14,7 +14,7 @@ __all__ = ["RowResiduals"]
 
 
 TERMS = 4
-"""Number of terms; rows are padded with zeros to multiples of this number."""
+"""Rows are padded with zeros to a multiple of this number of terms, so that few kernels are compiled."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
 
 ITERATIONS = 200
 BLOCK, LARGEST_BLOCK, NUMBERS = 256, 8192, 1 << 21
-"""Least and largest number of realisations in a group; entries of matrices that limit groups above the least."""
+"""Least and largest number of realisations in a group, and number of matrix entries that limits a group in between."""
 
 TURN = 0.15
 """Largest change of an entry of a quaternion in one step: a rotation by 0.3 rad."""
@@ -49,10 +49,10 @@ FLAT = 1e-11
 """Stiffness, relative to the largest stiffness, that counts as rounding."""
 
 PARTS = 8
-"""Number of parts of a step if auxiliary states are integrated along the search path."""
+"""Number of parts of a step if auxiliary states or nonholonomic constraints are integrated along the search path."""
 
 SHORTER = 0.5
-"""Step lengths of the second search, relative to the first, for nonholonomic constraints."""
+"""Ratio of the step lengths of the second search, for nonholonomic constraints, to those of the first."""
 
 ELSEWHERE = 1e-5
 """Difference of two searches, relative to the size of the mechanism, that counts as zero."""

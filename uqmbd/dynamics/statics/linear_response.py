@@ -39,7 +39,7 @@ from uqmbd.typing import Array
 __all__ = ["LinearMap", "linear_map"]
 
 LEAST_CHUNK, LARGEST_CHUNK, NUMBERS = 256, 8192, 1 << 21
-"""Least and largest number of realisations that are linearised at once; entries of matrices in between."""
+"""Least and largest number of realisations that are linearised at once, and number of matrix entries in between."""
 
 ROUNDING = 1e-11
 """Direct response, relative to the whole response at the highest frequency of the mechanism, that counts as zero."""

@@ -26,7 +26,7 @@ __all__ = ["Forces", "RestEquations", "apply", "solve_definite", "tangents"]
 
 
 DEFINITE = 1e-12
-"""Pivot, relative to its diagonal entry, below which a system is not eliminated without pivots."""
+"""Pivot, relative to its diagonal entry, up to which a system is solved with a search for pivots."""
 
 FEW = 4
 """Largest number of unknowns for which systems are eliminated together, faster than LAPACK solves them one by one."""

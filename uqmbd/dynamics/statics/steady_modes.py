@@ -61,12 +61,12 @@ CHANGING = (
 class SteadyFrames:
     """Frames with constant coefficients of small motions ``dq = S N y`` of one realisation."""
 
-    times: tuple[float, ...]  # s after the start
-    maps: tuple[Array, Array, Array]  # S and its first and second rates, (time, coordinate, column)
-    basis: Array  # N (column, y)
+    times: tuple[float, ...]  # times after the start, s
+    maps: tuple[Array, Array, Array]  # (time, coordinate, column): S, and its first and second rates
+    basis: Array  # (column, y): N
     carried: NDArray[np.bool_]  # auxiliary states determined by the pose
     coefficients: dict[str, Array]
-    size: float  # of the stiffness
+    size: float  # size of the stiffness
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class _SteadyInstant:
     after: float
     blocks: dict[str, Array]
     mass: Array
-    gradient: Array  # of the kept position equations with respect to all coordinates
+    gradient: Array  # derivatives of the kept position equations with respect to all coordinates
     attitudes: tuple[Array, Array, Array]
 
 

@@ -28,7 +28,7 @@ __all__ = ["Range", "has_dry_friction", "not_linear", "not_steady", "overlaps", 
 
 
 ACTS = 1e-9
-"""Part of a direction within the constraints, relative to its length, above which a force along it acts."""
+"""Part of a direction that the constraints allow, relative to the direction, above which a force along it acts."""
 
 CLOSED = 1e-7
 """Gap of a rigid contact, relative to the size of the mechanism, that counts as closed."""
@@ -37,7 +37,7 @@ FLAT = 1e-11
 """Stiffness, relative to the largest stiffness, that counts as zero."""
 
 STEP = 1e-4
-"""Part of a displacement over which outputs are differentiated."""
+"""Step of the central differences of outputs, relative to the displacement."""
 
 NOT_LINEAR = (
     "Use smooth friction (for example with a transition speed), friction=0 for the mechanism that slides, or a "

@@ -303,8 +303,8 @@ def _unbounded(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Z
 class Unresolved:
     """Parts on which the polynomials of an output exceed its tolerance, and bisection does not reduce their error."""
 
-    which: Index  # (U,): parts
-    error: Array  # (U,); infinite where the values grow as far as the part can be divided
+    which: Index  # (U,): indices of the parts
+    error: Array  # (U,): error of each part; infinite where the values grow as far as the part can be divided
 
     def since(self, parts: StepParts, some: Mask) -> Array:
         """Find the first time in s among the selected parts in each realisation, shape (R,); infinite: none."""

@@ -29,7 +29,7 @@ ROUNDING = 2e-12
 """Least allowed error of a polynomial, relative to the largest value."""
 
 SHY = 1e-6
-"""Distance, relative to a part, before a time from which an output is not finite and real."""
+"""Distance of a division before the time from which an output is not finite and real, relative to the part."""
 
 SURPRISE = 0.3
 """Share of the last four coefficients of a polynomial by which values between its points may deviate. Smooth outputs

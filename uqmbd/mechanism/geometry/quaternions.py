@@ -97,7 +97,8 @@ def _entries(vector: Any, what: str = "the vector", sizes: tuple[int, ...] = ())
 
 
 ROTATION = (0, 2, 4)
-"""Numbers of components of a rotation: none for point masses, half-angle pair in planar space, quaternion."""
+"""Number of components of a rotation: none for point masses; cosine and sine of half the angle in planar space;
+quaternion in three dimensions."""
 
 
 def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
