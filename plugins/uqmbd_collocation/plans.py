@@ -113,7 +113,7 @@ class Plans:
             if (value := getattr(self, name)) != usual:
                 raise uqmbd.StudyError(
                     f"Collocation: {name}={value!r} cannot be combined with expansion=, whose terms and rule are "
-                    "given; omit it."
+                    f"given; omit {name}."
                 )
 
     def refuse(self, names: tuple[str, ...], by: str) -> None:

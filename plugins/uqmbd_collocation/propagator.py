@@ -269,7 +269,9 @@ class Collocation(uqmbd.extend.Propagator):
             return
         for name, usual in (("order", (None, DEFAULT_ORDER)), ("transform", (Collocation.transform,))):
             if (given := getattr(self, name)) not in usual:
-                raise uqmbd.StudyError(f"Collocation: {name}={given!r} cannot be combined with expansion=; omit it.")
+                raise uqmbd.StudyError(
+                    f"Collocation: {name}={given!r} cannot be combined with expansion=; omit {name}."
+                )
         if isinstance(self.expansion, UserExpansion) and self.nodes is None and self.weights is None:
             return
         object.__setattr__(self, "expansion", UserExpansion.of(self.expansion, self.nodes, self.weights))

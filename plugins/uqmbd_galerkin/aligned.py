@@ -105,9 +105,9 @@ def galerkin_in_phase(
         ) from None
     if (late > LATE * length).any():
         warnings.warn(
-            f"{label}: {np.mean(late > LATE * length):.2g} of the samples do not reach the last output time within "
-            "the integrated range of phases, so statistics are NaN at late times. Raise the order, or truncate the "
-            "distributions.",
+            f"{label}: {100 * np.mean(late > LATE * length):.3g} % of the samples do not reach the last output time "
+            "within the integrated range of phases, so statistics are NaN at late times. Raise the order, or truncate "
+            "the distributions.",
             stacklevel=3,
         )
     outputs = len(problem.labels.outputs)

@@ -134,8 +134,8 @@ def _divided(source: str, link: Link, tensor: Array, more: float) -> tuple[tuple
         line = f"line {link.line}: " if link.line else ""
         raise uqmbd.StudyError(
             f"{source}: {line}link {link.name!r}: a principal moment of inertia is negative ({listed} kg m^2), so that "
-            "the kinetic energy could be negative; expected moments that are not negative. Correct it, or use "
-            'inertia="repair".'
+            "the kinetic energy could be negative; expected moments that are not negative. Correct the "
+            'inertia, or use inertia="repair".'
         )
     axis = axes[:, 2]
     return (more, axis), tensor - more * np.outer(axis, axis)

@@ -85,7 +85,9 @@ class LowFidelity:
         cost: Any = self.cost
         samples: Any = self.samples
         if isinstance(cost, bool) or not isinstance(cost, Real) or not 0 < self.cost <= MOST:
-            raise uqmbd.StudyError(f"LowFidelity: cost is {cost!r}; expected a number above 0, e.g. 0.1.")
+            raise uqmbd.StudyError(
+                f"LowFidelity: cost is {cost!r}; expected a number above 0 and at most 1e9, e.g. 0.1."
+            )
         object.__setattr__(self, "cost", float(cost))
         if samples is None:
             return

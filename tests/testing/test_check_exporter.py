@@ -67,6 +67,14 @@ def adding(self, source, path, study):
     return Sound.export(self, source, path, study)
 
 
+def weighing(self, source, path, study):
+    """Change the mass of a body."""
+    if isinstance(source, uqmbd.Mechanism):
+        values = next(iter(source.bodies.values())).terms.values
+        values["mass"] = 2 * values["mass"]
+    return Sound.export(self, source, path, study)
+
+
 def inventing(self, source, path, study):
     """Write something even without a surrogate."""
     path.write_text("nothing")
@@ -87,6 +95,7 @@ MUTANTS = {
     "no text": (changed(export=lambda self, *rest: Sound.export(self, *rest) and None), "returned None"),
     "no file": (changed(export=lambda self, source, path, study: "done"), "wrote no file"),
     "changes the mechanism": (changed(export=adding), "modified its source"),
+    "changes a mass": (changed(export=weighing), "modified its source"),
     "no surrogate": (changed(export=inventing), "without a surrogate"),
     "no ending": (changed(suffix="txt"), "suffix"),
     "no class of options": (

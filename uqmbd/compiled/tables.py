@@ -16,8 +16,8 @@ class IntervalTable(Protocol):
     """Table of numbers by interval: `edges` (n,), ascending, and `rows` (n + 1, 1 + M, number).
 
     A row contains the numbers below the table, in an interval, or above the table: a constant and the factors of M
-    terms. The first number is the begin of the interval. The table repeats with `period`, starting at its first knot
-    ``rows[0, 0, 0]``; 0: not periodic.
+    terms. The first number of the constant, ``rows[k, 0, 0]``, is the start of the interval. The table repeats with
+    `period`, starting at its first knot ``rows[0, 0, 0]``; 0: not periodic.
     """
 
     @property
@@ -49,7 +49,7 @@ PATH_NUMBERS = 5
 """Numbers of a lookup: the knot before the argument, and the coefficients of the cubic about it."""
 
 Tables = Mapping[str, IntervalTable | PathTable]
-"""Tables by the names of their lookup functions; the name determines the numbers."""
+"""Tables by the names of their lookup functions; tables of the same name have the same numbers."""
 
 
 def table_constants(name: str, table: IntervalTable) -> str:

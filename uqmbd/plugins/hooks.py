@@ -35,18 +35,19 @@ class _Hooks:
 
     @_hookspec
     def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Return time integrators: classes as `uqmbd.extend.Integrator` defines, each with a ``name``.
+        """Return time integrators: classes that follow the protocol `uqmbd.extend.Integrator`, each with a ``name``.
 
         The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.extend.Trajectories`. The
-        attribute ``capabilities`` of the class, a `uqmbd.extend.Capabilities`, declares further capabilities; without
-        it, there are none. The core registers its integrators by this hook.
+        attribute ``capabilities`` of the class, a `uqmbd.extend.Capabilities`, declares further capabilities; a
+        class without this attribute has none. The integrators of the core implement the same hook, but are
+        stored separately.
         """
 
     @_hookspec
     def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Return sampling designs: classes like `uqmbd.extend.SamplingDesign`, registered by their ``name``.
 
-        The core registers its sampling designs by this hook.
+        The sampling designs of the core implement the same hook, but are stored separately.
         """
 
     @_hookspec
@@ -66,34 +67,39 @@ class _Hooks:
 
     @_hookspec
     def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Return sections of the HTML report: classes as `uqmbd.report.Section` defines, without arguments."""
+        """Return sections of the HTML report: classes that follow the protocol `uqmbd.report.Section`.
+
+        Their constructors have no arguments.
+        """
 
     @_hookspec
     def uqmbd_checks(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Return checks of studies: classes without constructor arguments, registered by class name.
 
-        The method ``find(study)`` returns an iterable of `uqmbd.extend.Finding`.  The core registers its checks by this
-        hook.
+        The method ``find(study)`` returns an iterable of `uqmbd.extend.Finding`. The checks of the core implement the
+        same hook, but are stored separately.
         """
 
     @_hookspec
     def uqmbd_surrogates(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Return models of surrogates: classes as `uqmbd.extend.SurrogateModel` defines, each with a ``name``.
+        """Return models of surrogates: classes that follow the protocol `uqmbd.extend.SurrogateModel`, with a ``name``.
 
         Results store this name and the arrays of the model; the registered class reads them.
         """
 
     @_hookspec
     def uqmbd_exporters(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Return exporters to files of other programs: dataclasses as `uqmbd.extend.Exporter` defines, by ``name``.
+        """Return exporters to files of other programs: dataclasses that follow the protocol `uqmbd.extend.Exporter`.
 
-        `uqmbd export` selects the exporter by the ending of the file, its class attribute ``suffix``.
+        They are registered by ``name``. `uqmbd export` selects the exporter whose class attribute ``suffix`` is the
+        ending of the file name.
         """
 
     @_hookspec
     def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Return commands of the command line: classes as `uqmbd.extend.Command` defines, without arguments.
+        """Return commands of the command line: classes that follow the protocol `uqmbd.extend.Command`.
 
+        Their constructors have no arguments.
         The entry-point group ``uqmbd.commands`` names the module that implements this hook.
         """
 
@@ -120,7 +126,7 @@ INTEGRATOR_METHODS = {
     "projected": "integrate_projected(projected, times, rtol)",
     "segments": "integrate_segments(ensemble, times, rtol)",
 }
-"""Method of an integrator for each declared capability."""
+"""Methods that the capabilities `projected` and `segments` of an integrator require."""
 
 
 def integrator_problem(cls: type) -> str:

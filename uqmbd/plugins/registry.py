@@ -61,7 +61,7 @@ def contact_laws() -> dict[str, type]:
 
 
 def contact_law(name: str) -> type:
-    """Return the contact law with a name, or raise a `uqmbd.StudyError` that lists the installed contact laws."""
+    """Return the contact law of the given name, or raise a `uqmbd.StudyError` that lists the installed contact laws."""
     return _find("contact_laws", name)
 
 
@@ -76,7 +76,7 @@ def report_sections() -> dict[str, type]:
 
 
 def checks() -> dict[str, type]:
-    """Return the checks of studies of plugins by class name, without the checks of the core."""
+    """Return the study checks that plugins register, by class name, without the checks of the core."""
     return dict(registered().classes.get("checks", {}))
 
 
@@ -96,12 +96,12 @@ def commands() -> dict[str, type]:
 
 
 def component(name: str) -> type:
-    """Return the component class with a name, or raise a `uqmbd.StudyError` that lists the installed components."""
+    """Return the component class of the given name, or raise a `uqmbd.StudyError` that lists the components."""
     return _find("components", name)
 
 
 def propagator(name: str) -> type:
-    """Return the propagator class with a registered name, for plugins that use the method of another plugin.
+    """Return the propagator class of the given registered name, for plugins that use the method of another plugin.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def propagator(name: str) -> type:
 
 
 def integrator(name: str) -> type:
-    """Return the integrator class with a name, or raise a `uqmbd.StudyError` that lists the installed integrators."""
+    """Return the integrator class of the given name, or raise a `uqmbd.StudyError` that lists the integrators."""
     return _find("integrators", name)
 
 

@@ -109,9 +109,11 @@ def check_times(times: ArrayLike, where: str) -> Array:
         )
     if steps.min() < (least := max(SHORTEST, APART * size)):
         k = int(np.argmin(steps))
+        # another unit of time changes both sides of the relative limit
+        remedy = ", or choose a smaller unit of time" if steps[k] >= APART * size else ""
         raise StudyError(
             f"{where}: times[{k}] and times[{k + 1}] differ by {steps[k]:.3g} s; expected at least {least:.3g} s for "
-            f"times up to {size:.3g} s. Remove one of the two times, or choose a smaller unit of time."
+            f"times up to {size:.3g} s. Remove one of the two times{remedy}."
         )
     grid.setflags(write=False)
     return grid

@@ -12,6 +12,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.arguments import typechecked
+from uqmbd.dynamics.code_digest import NoDigest
+from uqmbd.dynamics.model_key import Digests
 from uqmbd.errors import UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.mechanism import Line, Mechanism
@@ -42,13 +44,14 @@ def check_exporter(
       unusual names.
     - An object without refusal is exported: the file exists and is not empty, and an older file is replaced.
     - All written files are next to the file, and their names begin like that of the file.
-    - `export` returns a text for the terminal, and leaves results and mechanism as they are.
+    - `export` returns a text for the terminal. It changes neither results nor names, values and expressions of a
+      mechanism.
     - Results without a surrogate cause a `uqmbd.StudyError`.
 
     Parameters
     ----------
     exporter : type
-        As `uqmbd.extend.Exporter` defines.
+        Dataclass that follows the protocol `uqmbd.extend.Exporter`.
     studies, nodes : sequence, optional
         Further studies, and for each of them the results of a method with a surrogate. At least one of all studies must
         be exportable, for each supported object.
@@ -126,7 +129,7 @@ def _refusal(made: Any, what: str, study: Study, where: str) -> str:
 
 def _check_export(made: Any, source: Any, study: Study, where: str) -> None:
     """Export twice, the second time over an older file, and check files, text and source."""
-    before: Any = source.copy(deep=True) if isinstance(source, xr.DataTree) else _drawn(source)
+    before: Any = source.copy(deep=True) if isinstance(source, xr.DataTree) else _content(source)
     with tempfile.TemporaryDirectory() as folder:
         for stem in ("one", "two"):
             path = Path(folder) / stem / f"{stem}{made.suffix}"
@@ -154,13 +157,21 @@ def _check_export(made: Any, source: Any, study: Study, where: str) -> None:
                 f"{where}: export() wrote {strange[0]} next to {path.name}; names of further files begin with the name "
                 "of the file."
             )
-    same = source.identical(before) if isinstance(source, xr.DataTree) else _drawn(source) == before
+    same = source.identical(before) if isinstance(source, xr.DataTree) else _content(source) == before
     assert same, f"{where}: export() modified its source; modify a copy instead."
 
 
-def _drawn(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
-    """Return the names of bodies, components and outputs."""
-    return tuple(mechanism.bodies), tuple(c.name for c in mechanism.all_components()), tuple(mechanism.outputs)
+def _content(mechanism: Mechanism) -> tuple[object, ...]:
+    """Return numbers of parts, names of controllers, and a digest of bodies, components, outputs and requirements.
+
+    The digest is None if the content of a part is unknown; additions are then still found.
+    """
+    try:
+        digests = Digests(mechanism)
+        found = digests.of(tuple(digests.mechanism()))
+    except NoDigest:
+        found = None
+    return mechanism.revision(), tuple(mechanism.controllers), found
 
 
 def _check_without_surrogate(made: Any, where: str) -> None:

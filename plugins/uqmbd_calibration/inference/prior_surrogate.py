@@ -127,7 +127,8 @@ def default_methods(
         cost = samples + VERIFY + (3 * samples + VERIFY if moving else 0)
         if order == 1 and cost > most:
             raise uqmbd.StudyError(
-                f"calibrate: realisations is {most}, but the first surrogate needs {cost}; expected {2 * cost} or more."
+                f"calibrate: realisations is {most}, but the first surrogate needs {cost}. Increase realisations, e.g. "
+                f"to {2 * cost}."
             )
         if order > 1 and cost > SHARE * most:
             break

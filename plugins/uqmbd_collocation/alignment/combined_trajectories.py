@@ -130,7 +130,7 @@ class CombinedTrajectories:
             raise Impossible(self.problem.label, why, "Use only events or only phases.")
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Return False for all realisations (K,): outputs `seen` (K, output, T) cannot show another sequence."""
+        """Return False for all realisations (K,): outputs `seen` (K, output, T) do not show the sequence of events."""
         return self.events.elsewhere(sequence, seen)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:

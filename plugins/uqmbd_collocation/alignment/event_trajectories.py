@@ -33,7 +33,8 @@ SLACK = 1e-9
 """Rounding tolerance for the end of a last segment, relative to the range of output times."""
 
 MARGIN = 0.1
-"""Time from the last event to the end of a last segment without an event, relative to the range of output times."""
+"""Time from the latest event of all realisations to the end of their last segments, relative to the range of output
+times; it applies if last segments end after the last output time."""
 
 
 @dataclass
@@ -70,7 +71,7 @@ class EventTrajectories:
             )
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Return False for all realisations (K,): outputs `seen` (K, output, T) cannot show another sequence."""
+        """Return False for all realisations (K,): outputs `seen` (K, output, T) do not show the sequence of events."""
         return np.zeros(len(seen), dtype=bool)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
@@ -83,8 +84,8 @@ class EventTrajectories:
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
         """Return the events that end the segments of realisations at inputs (K, d).
 
-        All realisations have the number of segments that the longest sequence needs until the last output time. A
-        realisation has fewer segments if no further event follows. Raise IntegrationError if a realisation fails.
+        All realisations have the number of segments that the longest sequence needs until the last output time, except
+        realisations without further events, which have fewer segments. Raise IntegrationError if a realisation fails.
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 

@@ -76,8 +76,8 @@ class MarkerRule:
     labels: tuple[str, ...]  # event that ends each of S segments; an empty text if none does
     landmarks: Markers
     farther: Callable[[float, float], MarkerRule | None] | None = None
-    """Function of two durations in s; it returns the rule for realisations that are longer by the first, with segments
-    of the second, or None."""
+    """Function of two durations in s: an additional duration of the realisations, and the mean duration of a segment.
+    The function returns the rule for the longer realisations, or None if they have no further common markers."""
 
 
 def phase_markers(
@@ -111,14 +111,21 @@ def time_markers(found: uqmbd.extend.Dense, edges: Array, outputs: int, points: 
 
 
 def marks_behind(starts: Array, last: float) -> Array:
-    """Return marker phases (S,), rad: multiples of a part of a turn, after all start phases (K,), up to `last`, rad."""
+    """Return marker phases (S,), rad: multiples of a part of a turn, after all start phases (K,).
+
+    They end at the first multiple at or after the phase `last`, rad.
+    """
     step = TURN / PER_TURN
     first = np.floor(starts.max() / step + 0.5) + 1
     return np.asarray(np.arange(first, np.ceil(last / step) + 1) * step)
 
 
 def everywhere(space: uqmbd.extend.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
-    """Return values at germs (K, d), and values at `spread` (M, d) of a polynomial of order 2 fitted to them."""
+    """Return values `known` (K, Q) at germs (K, d), and then values at `spread` (M, d), shape (K + M, Q) together.
+
+    The values at `spread` are those of a polynomial that is fitted to `known`. Its order is 2, or 1 if there are fewer
+    than two germs for each term.
+    """
     terms = uqmbd.extend.index_set(space.dimension, 2)
     terms = terms if len(germs) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
     fit = np.linalg.lstsq(space.evaluate(germs, terms), known, rcond=1e-10)[0]

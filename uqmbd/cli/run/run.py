@@ -65,15 +65,15 @@ def run_study(
     """Run a study script and write ``results.nc`` and ``report.html`` into a folder.
 
     `script` is the study script. `only` are labels of the propagators to run; empty: all. `settings` are changed
-    options, ``LABEL.option=value``. `out` is the folder of the results, created if missing. `workers` compute; None:
-    this process. `resume` continues an unfinished run in the folder. `require` is the allowed probability of violation
-    of each requirement, such as 0.01 or ``"1%"``. `Study.run` documents `budget` and `accuracy`. If all methods
-    succeeded, the exit status is 3 if `uqmbd.results.unmet` lists a requirement, or if a method does not reach the
-    accuracy.
+    options, ``LABEL.option=value``. `out` is the folder of the results, created if missing. `workers` are the processes
+    that compute; None: this process. `resume` continues an unfinished run in the folder. `require` is the allowed
+    probability of violation of each requirement, such as 0.01 or ``"1%"``. `Study.run` documents `budget` and
+    `accuracy`. The exit status is 3 if all methods succeeded, but `uqmbd.results.unmet` lists a requirement or a method
+    does not reach the accuracy.
 
-    `report` states whether to write the report, `figures` whether to write its figures also as files, and `show`
-    whether to open it in the browser. `begin` is the start of the command from `time.monotonic`. `progress` is a
-    display that already shows progress, and its first stage.
+    `report`: whether to write the report. `figures`: whether to write the figures of the report also as files. `show`:
+    whether to open the report in the browser. `begin` is the start of the command from `time.monotonic`. `progress` is
+    a display that already shows progress, and its first stage.
     """
     begin = time.monotonic() if begin is None else begin
     chosen, allowed = choices(budget, accuracy), allowed_of(require, "--require")

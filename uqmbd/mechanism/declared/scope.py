@@ -104,8 +104,8 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
             known = mechanism.controllers.get(symbol.owner.name)
             if known is not None and known is not symbol.owner:
                 raise StudyError(
-                    f"{where}: the expression contains {symbol}, but the controller {symbol.owner.name!r} of "
-                    f"mechanism {mechanism.name!r} is a different object."
+                    f"{where}: the expression contains {symbol} of a controller {symbol.owner.name!r} that is not the "
+                    f"controller of this name in mechanism {mechanism.name!r}; use the controller that was added."
                 )
             if scope == "start":
                 raise StudyError(

@@ -215,7 +215,7 @@ class VerificationPoints:
     ) -> VerificationPoints:
         """Return two points at which a linear fit of known realisations is extreme, with small weights.
 
-        Events occur first and last at these points. Points in between do not show the begin and end times of a jump
+        Events occur first and last at these points. Points in between do not show the start and end times of a jump
         that moves over time.
 
         The two points are the extremes of 32 candidates for each verification point, and of at most 8,192. `drawn`

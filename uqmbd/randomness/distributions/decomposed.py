@@ -1,10 +1,10 @@
 """Decomposition of univariate distributions of chaospy into a core, an affine map and a truncation.
 
 chaospy nests distributions: ``chaospy.Normal(mu, sigma)`` shifts and scales a standard distribution, arithmetic adds
-layers, and a joint of one variable is a joint. This module corrects three defects. Infinite supports end at
-probabilities of about 1e-15, where moments of high degree are not negligible yet. Arithmetic on arithmetic
-(``2 * X + 1``) has no inverse. ``chaospy.Trunc`` with a lower *and* an upper bound leaves an atom at the upper bound:
-it divides by ``(1 - F(lower)) F(upper)``, not by ``F(upper) - F(lower)``.
+layers, and a joint distribution of one variable is another layer. This module corrects three defects. Infinite
+supports end at probabilities of about 1e-15, where moments of high degree are not negligible yet. Arithmetic on
+arithmetic (``2 * X + 1``) has no inverse. ``chaospy.Trunc`` with a lower *and* an upper bound leaves an atom at the
+upper bound: it divides by ``(1 - F(lower)) F(upper)``, not by ``F(upper) - F(lower)``.
 """
 
 from __future__ import annotations

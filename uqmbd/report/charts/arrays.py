@@ -1,7 +1,7 @@
 """Arrays as compact data for JSON; `arrays.js` reads them.
 
-Formats of packages are for files, so this module has a separate format. A page contains only texts, and its scripts
-read an array while they draw.
+A page contains only text, and its scripts decode an array when they draw a chart. Array formats of other packages are
+for binary files, so this module defines a text format.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ __all__ = ["Kind", "packed", "packed_relative", "packed_selection", "packed_with
 Kind = Literal["float32", "float64", "int32"]
 
 LARGEST = 2.0**44
-"""Largest number of steps; scripts compute with 53 bits, and their roots of two may differ by the last bit."""
+"""Largest magnitude of a number in steps. Scripts compute with 53 bits, and may compute powers of 2 with an error."""
 
 BLOCK = 8
-"""Number of integers in a block; all have the same width in bits, which is the number of bytes of the block."""
+"""Number of integers in a block, all of the same width in bits. Eight integers of w bits have w bytes."""
 
 ALIKE = 16
-"""Number of neighbouring numbers with a common step, which the smallest number determines."""
+"""Number of neighbouring numbers that are rounded with a common step; the smallest of them determines the step."""
 
 ROUNDING = 1e-13
-"""Rounding error relative to the largest of the neighbouring numbers."""
+"""Permitted rounding error, relative to the largest of these neighbouring numbers."""
 
 # the pattern requires the shape of an array as `packed` writes it, so it does not match other scripts of a page
 _REPEATED = re.compile(r'(?<=\],)"base64":"([A-Za-z0-9+/=]{100,})"')
@@ -162,7 +162,7 @@ def _spaced(ends: Sequence[float], kind: Kind, count: int) -> NDArray[Any]:
 
 
 def share_arrays(page: str) -> tuple[str, list[str]]:
-    """Replace repeated arrays of a page by their numbers; return the page and the list of these arrays."""
+    """Replace each repeated array of a page by its index in a list; return the page and this list of encoded arrays."""
     counts = Counter(_REPEATED.findall(page))
     shared = {text: k for k, text in enumerate(text for text, count in counts.items() if count > 1)}
 

@@ -35,10 +35,10 @@ class TightenedProbability:
 def tightened_probabilities(
     part: xr.DataTree, event: str, inputs: Sequence[str], factor: float = 0.5
 ) -> dict[str, TightenedProbability]:
-    """Return probabilities of an event by input, if the distance of the input from its mean is multiplied by a factor.
+    """Return the probability of an event for each input, if its deviations from its mean are multiplied by `factor`.
 
     `part`: the node ``requirements`` of a method. The result excludes dependent and discrete inputs. The result is
-    empty if the surrogate does not follow the margin, or without verification realisations.
+    empty if the surrogate does not follow the margin, or if the method has no verification realisations.
     """
     data = part.to_dataset()
     names = [str(name) for name in data["requirement"].values]

@@ -41,8 +41,8 @@ class PropagatorUnderTest:
         made = propagator()
         if not isinstance(made, Propagator):
             raise StudyError(
-                f"check_propagator: {propagator!r} returned {made!r}; expected a uqmbd.extend.Propagator, or a "
-                f"callable that returns one, e.g. {example_of(InputTreatment.SAMPLE)}."
+                f"check_propagator: {propagator!r} returned {made!r}; expected a uqmbd.extend.Propagator as the "
+                f"return value, e.g. {example_of(InputTreatment.SAMPLE)}."
             )
         return cls(propagator, made)
 
