@@ -41,7 +41,7 @@ STATEMENTS = {
     "uqmbd.randomness": 5_600,
     "uqmbd.report": 8_740,
     "uqmbd.results": 9_830,
-    "uqmbd.testing": 2_810,
+    "uqmbd.testing": 2_820,
     "uqmbd.units": 285,
     "uqmbd.viewer": 740,
     "uqmbd_calibration": 3_430,
