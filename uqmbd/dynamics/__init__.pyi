@@ -40,6 +40,7 @@ from .mechanism_check import check as check
 from .model_building import build as build
 from .model_building import constraining as constraining
 from .model_building import kinematic_model as kinematic_model
+from .model_key import compute_model_key as compute_model_key
 from .observation import undetermined_contacts as undetermined_contacts
 from .portable import MotionCommand as MotionCommand
 from .portable import PortableMotion as PortableMotion

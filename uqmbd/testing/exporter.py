@@ -12,8 +12,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.arguments import typechecked
-from uqmbd.dynamics.code_digest import NoDigest
-from uqmbd.dynamics.model_key import Digests
+from uqmbd.dynamics import compute_model_key
 from uqmbd.errors import UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.mechanism import Line, Mechanism
@@ -44,8 +43,8 @@ def check_exporter(
       unusual names.
     - An object without refusal is exported: the file exists and is not empty, and an older file is replaced.
     - All written files are next to the file, and their names begin like that of the file.
-    - `export` returns a text for the terminal. It changes neither results nor names, values and expressions of a
-      mechanism.
+    - `export` returns a text for the terminal, and changes neither results nor mechanism. In a mechanism with
+      controllers, only additions are found.
     - Results without a surrogate cause a `uqmbd.StudyError`.
 
     Parameters
@@ -162,16 +161,8 @@ def _check_export(made: Any, source: Any, study: Study, where: str) -> None:
 
 
 def _content(mechanism: Mechanism) -> tuple[object, ...]:
-    """Return numbers of parts, names of controllers, and a digest of bodies, components, outputs and requirements.
-
-    The digest is None if the content of a part is unknown; additions are then still found.
-    """
-    try:
-        digests = Digests(mechanism)
-        found = digests.of(tuple(digests.mechanism()))
-    except NoDigest:
-        found = None
-    return mechanism.revision(), tuple(mechanism.controllers), found
+    """Return the revision, which shows additions, and a digest of all data, or None if the mechanism has no digest."""
+    return mechanism.revision(), compute_model_key(mechanism)
 
 
 def _check_without_surrogate(made: Any, where: str) -> None:
