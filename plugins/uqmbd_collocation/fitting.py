@@ -17,7 +17,7 @@ __all__ = ["Fit", "QuadratureProjection", "Regression", "refitted"]
 
 
 ALIASED = 0.2
-"""Projection is not meaningful if the error of the rule for products of the basis exceeds this value."""
+"""Error of the rule for products of the basis above which projection is not meaningful."""
 COARSE = 1e-6
 """A warning is issued if the error of the rule for products of the basis exceeds this value."""
 MOST_FAILURES = 0.5

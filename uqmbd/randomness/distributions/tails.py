@@ -20,7 +20,7 @@ NO_MOMENTS = {"cauchy", "folded_cauchy", "levy"}
 """Families without an expectation for any parameters."""
 
 FEWEST = 4.0
-"""Order of moments that must be finite, for the kurtosis of an input and the standard error of a deviation."""
+"""Order of moments that must be finite, for the kurtosis of an input and standard errors of standard deviations."""
 
 POWER_LAW = 1.15
 """Growth of the tail index from the probability 1e-5 to 1e-9 below which the tail is a power law."""
