@@ -85,7 +85,8 @@ class EventTrajectories:
         """Return the events that end the segments of realisations at inputs (K, d).
 
         All realisations have the number of segments that the longest sequence needs until the last output time. The
-        only exceptions are realisations without further events, which have fewer segments. Raise IntegrationError if a realisation fails.
+        only exceptions are realisations without further events, which have fewer segments. Raise IntegrationError if a
+        realisation fails.
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 
