@@ -298,13 +298,7 @@ def basis_of(where: str, mass: Any, stiffness: Any, fixed: Array, modes: int) ->
         ) from None
     basis[inner, : len(fixed)] = -solve.solve(stiffness[inner][:, fixed].toarray())
     if modes:
-        heavy = mass[inner][:, inner].tocsc()
-        if len(inner) <= DENSE or modes > len(inner) - 2:
-            found = _lowest(where, stiff, heavy, modes)
-        else:
-            start = np.random.default_rng(0).normal(size=len(inner))
-            _, found = scipy.sparse.linalg.eigsh(stiff, modes, heavy, sigma=0.0, v0=start)
-        basis[inner, len(fixed) :] = found
+        basis[inner, len(fixed) :] = _lowest(where, stiff, mass[inner][:, inner].tocsc(), modes, 0.0)
     return basis
 
 
@@ -316,18 +310,18 @@ def _free_modes(where: str, fields: NodalLayout, mass: Any, stiffness: Any, mode
             f"{where}: free_modes is {modes}, but the free body has only {size - rigid} elastic modes. Use "
             f"free_modes={size - rigid} or less, or a finer model."
         )
-    count = rigid + modes
-    if size <= DENSE or count > size - 2:
-        return _lowest(where, stiffness, mass, count)
     # the stiffness of a free body is singular, so the shift is negative
-    scale = float(stiffness.diagonal().sum() / mass.diagonal().sum())
-    start = np.random.default_rng(0).normal(size=size)
-    _, found = scipy.sparse.linalg.eigsh(stiffness, count, mass, sigma=-SHIFT * scale, v0=start)
-    return np.asarray(found)
+    shift = -SHIFT * float(stiffness.diagonal().sum() / mass.diagonal().sum())
+    return _lowest(where, stiffness, mass, rigid + modes, shift)
 
 
-def _lowest(where: str, stiffness: Any, mass: Any, count: int) -> Array:
-    """Return the lowest modes (dof, mode) of sparse matrices, by dense ones."""
+def _lowest(where: str, stiffness: Any, mass: Any, count: int, shift: float) -> Array:
+    """Return the lowest modes (dof, mode) of sparse matrices; the stiffness minus `shift` times the mass is regular."""
+    size = mass.shape[0]
+    if size > DENSE and count <= size - 2:
+        start = np.random.default_rng(0).normal(size=size)
+        _, found = scipy.sparse.linalg.eigsh(stiffness, count, mass, sigma=shift, v0=start)
+        return np.asarray(found)
     try:
         _, found = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=(0, count - 1))
     except scipy.linalg.LinAlgError:

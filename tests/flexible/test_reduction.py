@@ -14,6 +14,7 @@ import sympy
 
 import uqmbd
 import uqmbd_flexible
+import uqmbd_flexible.validity
 from uqmbd.testing import check_component
 from uqmbd_flexible.reduction import craig_bampton
 from uqmbd_joints import Fixed, PointOnPlane, Revolute
@@ -312,6 +313,26 @@ def test_a_fast_rotation_warns_at_a_quarter_of_the_clamped_frequency(space):
         assert bool(found["requirement_met"].all()) is (factor < 0.25)
         said = [str(one.message) for one in caught if "angular speed of body 'rod' reaches" in str(one.message)]
         assert len(said) == (factor > 0.25), said
+
+
+def test_centrifugal_stiffening_at_the_bound_is_as_stated():
+    """Frequencies of a rotating clamped beam by Ritz' method with 8 functions, out of the plane of rotation.
+
+    Wright and others (1982) state 3.6816 and 4.1373 at the speeds 1 and 2; the numbers are relative to sqrt(E I / (rho A L^4)).
+    """
+    x, weight = np.polynomial.legendre.leggauss(40)
+    x, weight = (x + 1) / 2, weight / 2
+    powers = np.arange(2, 10)[:, None]
+    shape, slope, bent = x**powers, powers * x ** (powers - 1), powers * (powers - 1) * x ** (powers - 2)
+    mass, stiffness = (shape * weight) @ shape.T, (bent * weight) @ bent.T
+    tension = (slope * (weight * (1 - x**2) / 2)) @ slope.T
+
+    def lowest(speed):
+        return float(np.sqrt(scipy.linalg.eigh(stiffness + speed**2 * tension, mass, eigvals_only=True)[0]))
+
+    assert [lowest(speed) for speed in (0, 1, 2)] == pytest.approx([3.5160, 3.6816, 4.1373], abs=1e-4)
+    still = lowest(0)
+    assert 0.036 < lowest(uqmbd_flexible.validity.SLOW * still) / still - 1 < 0.037
 
 
 def test_matrices_of_files(tmp_path):
