@@ -58,5 +58,4 @@ def sized(
         least=allowed(FIRST if found.independent else max(FIRST, 4 * replicates)),
         allowed=allowed,
         extends=found.independent,
-        also=("replicates",) if found.base > 1 and not pairs else (),
     )

@@ -64,3 +64,19 @@ def test_a_realisation_at_each_draw_makes_up_for_an_unverified_surrogate():
     assert found.checks["even"] and not found.checks["widened"]
     assert draws.mean() == pytest.approx(SPEED, abs=3 * NOISE / 12)
     assert np.std(draws) == pytest.approx(NOISE / 12, rel=0.2)
+
+
+@pytest.mark.parametrize("count", [2, 200])
+def test_many_values_do_not_average_the_error_of_a_surrogate(count):
+    """Errors of a surrogate at all times have one sign: more values do not make the posterior narrower."""
+    times = np.linspace(1, 1.5, count)
+    record = Record("run", [Series("x", times.tolist(), (SPEED**3 * times).tolist(), "m", NOISE)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", uqmbd.StudyWarning)
+        found = calibrate(
+            study(), record, surrogate=Collocation(order=1, verify=0), realisations=3, draws=400, chains=2,
+            progress=False,
+        )  # fmt: skip
+    draws = found.tree["posterior"]["a"].values
+    assert abs(draws.mean() - SPEED) < 3 * draws.std()
+    assert draws.std() > 0.5

@@ -241,8 +241,12 @@ def _checked(work: CalibrationState, found: Draws, seed: int) -> PosteriorCheck:
 def _widened(work: CalibrationState) -> Posterior:
     """Return the posterior whose likelihood includes the errors of the surrogate.
 
-    The errors are leave-one-out errors, or the stated errors of the surrogate over the prior if there are none.
+    The errors are leave-one-out errors, or the stated errors of the surrogate over the prior if there are none. One
+    input determines the errors of all recorded values, so that all may have one sign. Stated variances are therefore
+    multiplied by the number N of values. This covariance covers errors e with any correlation: for deviations s,
+    ``e e' <= N diag(s^2)`` if the squares of ``e / s`` add up to N.
     """
+    many = sum(len(block.values) for case in work.cases for block in case.blocks)
     cases = []
     for case, predictor, stated in zip(work.cases, work.predictors, work.variances, strict=True):
         blocks = []
@@ -254,9 +258,9 @@ def _widened(work: CalibrationState) -> Posterior:
         )
         for block, own, variance in zip(case.blocks, parts, stated, strict=True):
             if not known:
-                blocks.append(replace(block, variance=block.variance + variance))
+                blocks.append(replace(block, variance=block.variance + many * variance))
             elif block.robust:
-                blocks.append(replace(block, variance=block.variance + (own**2).sum(axis=0)))
+                blocks.append(replace(block, variance=block.variance + many * (own**2).sum(axis=0)))
             else:
                 blocks.append(replace(block, modes=np.concatenate([block.modes, own.T], axis=1)))
         cases.append(replace(case, blocks=tuple(blocks)))

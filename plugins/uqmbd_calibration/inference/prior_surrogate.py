@@ -103,6 +103,8 @@ def _with_bounds(squares: Array, predicted: Array, values: Array) -> Array:
     distance = np.where(there, away, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     # 1e4: unknown next to known errors, as of a surrogate that ends early
     bound = 1e4 * np.max(squares[known], initial=0.0) + np.maximum(distance, np.ptp(values) ** 2)
+    # predictions that are all equal to the value, or unknown, do not make an unknown error zero
+    bound = np.where(bound > 0, bound, values**2)
     return np.where(known, squares, bound)
 
 

@@ -55,6 +55,15 @@ def test_an_accuracy_that_is_not_reached_is_the_exit_status(command_line, script
     assert "collocation: the stated error with order=1 is" in said
 
 
+@pytest.mark.thorough
+def test_replicates_are_a_start_from_which_an_accuracy_chooses(command_line, script):
+    """Options that a size changes as well may be given, and the summary lists their last values."""
+    words = ["--accuracy", "20%", "--only", "monte-carlo", "--set", "monte-carlo.sampling=sobol"]
+    status, _, said = command_line("run", script, *words, "--set", "monte-carlo.replicates=4")
+    assert status == 0, said
+    assert re.search(r"monte-carlo: the stated error with samples=\d+(, replicates=\d+)? is", said)
+
+
 @pytest.mark.parametrize(
     ("words", "part"),
     [

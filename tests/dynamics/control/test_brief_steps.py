@@ -1,9 +1,12 @@
 """Steps of order 5 between samples of controllers, compared with the exact motion of linear systems."""
 
+import math
+
 import chaospy
 import numpy as np
 import pytest
 import scipy.linalg
+import sympy
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
@@ -65,6 +68,26 @@ def test_motions_are_exact_at_samples_and_between(rate, delay, rtol):
         # errors of the phase grow with the number of radians
         allowed = 10 * rtol * (1 + np.sqrt(stiffness) * times[-1])
         np.testing.assert_allclose(places[row], exact(stiffness, rate, delay, times), rtol=0, atol=allowed)
+
+
+def test_pulses_with_the_period_of_the_samples_are_not_missed():
+    """A force sin^200 of the phase acts for a twentieth of each interval, between two stages of order 5."""
+    mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    size = uqmbd.RandomVariable("size", chaospy.Uniform(0.5, 2), units="N")
+    body = mechanism.body("body", mass=1)
+    loop = mechanism.add(
+        uqmbd.Controller(
+            "loop", [body.position[0]], {"force": "N"}, rate=100, law=lambda time, measured: 0 * measured[0]
+        )
+    )
+    mechanism.add(PointForce("command", body, 0, loop.command()))
+    mechanism.add(PointForce("pulses", body, 0, size * sympy.sin(100 * sympy.pi * uqmbd.t) ** 200))
+    mechanism.output("speed", body.velocity[0], units="m/s")
+    values = np.linspace(0.5, 2, 8)[:, None]
+    ensemble = Ensemble(build(mechanism), values)
+    found = integrate(ensemble, np.array([0.0, 1.0]), 1e-8, "dop853")
+    expected = values[:, 0] * math.comb(200, 100) / 2**200
+    np.testing.assert_allclose(ensemble.outputs(found.times, found.states)[:, 0, -1], expected, rtol=1e-5)
 
 
 def test_intervals_of_samples_need_seven_evaluations():

@@ -20,7 +20,7 @@ from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import Bushing, PointForce, SpringDamper
+from uqmbd_springs import Bushing, PointForce, SpringDamper, TorsionSpringDamper
 
 G = 9.81
 ZERO = (0, 0)
@@ -347,8 +347,33 @@ def tumbling_body():
     return mechanism
 
 
+def rotor_on_a_spring():
+    """An undamped rotor whose counted angle is an auxiliary state."""
+    mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
+    rotor = mechanism.body("rotor", mass=1, inertia=1, angular_velocity=1)
+    mechanism.add(Revolute("bearing", mechanism.ground, rotor, (0, 0), (0, 0)))
+    mechanism.add(TorsionSpringDamper("spring", mechanism.ground, rotor, stiffness=1e4))
+    return mechanism
+
+
+def sampled_oscillator():
+    """An undamped oscillator with a controller, whose commands are auxiliary states."""
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    mass = mechanism.body("mass", mass=1, position=0.1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0,), (0,), stiffness=1e4))
+    loop = mechanism.add(
+        uqmbd.Controller("loop", [mass.position[0]], {"force": "N"}, rate=1, law=lambda time, measured: -measured[0])
+    )
+    mechanism.add(PointForce("pull", mass, 0, loop.command()))
+    return mechanism
+
+
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
-@pytest.mark.parametrize("mechanism", [undamped_chain, tumbling_body, lambda: double_pendulum(0)])
+@pytest.mark.parametrize(
+    "mechanism",
+    [undamped_chain, tumbling_body, lambda: double_pendulum(0), rotor_on_a_spring, sampled_oscillator],
+    ids=["chain", "body", "pendulum", "rotor", "controller"],
+)
 def test_accurate_steps_are_not_stiff(mechanism, rtol):
     """Motions whose fastest oscillations take part: accuracy limits the steps, and no step size counts as unstable."""
     ensemble = Ensemble(build(mechanism()), np.zeros((1, 0)))

@@ -156,12 +156,13 @@ class Integration:
         # jumps of prescribed speeds precede samples, so Python handles both
         self.control = None if self.sampling is None or self.jumping else self.sampling.control()
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
-        if comparing:
+        if comparing and not layout.states:  # the number of auxiliary states depends on the phase
             method = replace(method, stiff=EARLY_STIFF, patience=EARLY_PATIENCE, early=True)
         if patient:
             method = replace(method, attempts=MOST, patience=2**62)
-        # most intervals between samples of controllers are shorter than accuracy requires
-        method = replace(method, brief=self.sampling is not None)
+        # Most intervals between samples of controllers are shorter than accuracy requires.  The few stages of order 5
+        # may all miss a pulse that a function of time repeats in every interval.
+        method = replace(method, brief=self.sampling is not None and self.model.timed is None)
         share = IMPLICIT_SHARE if stages else 1.0
         method = replace(method, rtol=share * rtol)
         self.most = MOST if comparing or patient else STEPS

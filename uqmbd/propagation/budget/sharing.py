@@ -9,7 +9,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -344,10 +344,8 @@ class BudgetedRun:
             "seconds": sum(stage.seconds for stage in one.stages),
             "stages": [asdict(stage) for stage in one.stages],
         }
-        text = (
-            f"the stated error with {one.sizing.option}={taken.size} is {format_percent(taken.accuracy, 'no error')} "
-            f"({taken.quantity})"
-        )
+        chosen = ", ".join([f"{one.sizing.option}={taken.size}", *_further_options(one, taken.size)])
+        text = f"the stated error with {chosen} is {format_percent(taken.accuracy, 'no error')} ({taken.quantity})"
         if target is not None:
             about["met"] = one.met
             text += f"; {100 * target:g} % was requested"
@@ -408,3 +406,13 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _further_options(one: Sized, size: int) -> list[str]:
+    """Return the options, other than the size, that differ between the method of a study and that of a size."""
+    before, now = one.propagator, one.sizing.at(size)
+    if type(now) is not type(before) or not is_dataclass(now):
+        return []
+    names = [x.name for x in fields(now) if x.name != one.sizing.option]
+    found = {name: getattr(now, name) for name in names if getattr(now, name) != getattr(before, name)}
+    return [f"{name}={value}" for name, value in found.items() if isinstance(value, int)]

@@ -181,7 +181,7 @@ export function makePlayer(figure, data) {
     else if (!pageInputs()) status.textContent = atMeans;
     else if (!found) status.textContent = `At the means of the inputs, not at the chosen ones: ${data.reason}`;
     else {
-      const rms = live.largestError(mechanism.reaches);
+      const rms = live.largestError(mechanism.reaches, mechanism.magnified);
       const error = rms === null ? "its error is unknown" : `stated error of the drawn points at most ${formatError(rms, "m")}`;
       const beyond = found.unverified.length || found.outside.length ? " These inputs are outside the verification realisations." : "";
       status.textContent = `At the chosen inputs, by the surrogate: ${error}.${beyond}`;

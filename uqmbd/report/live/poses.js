@@ -60,8 +60,9 @@ export class LivePoses {
    * The largest stated error of a point, in m, as a root mean square; null where none is known.
    *
    * @param reaches - how far points of each body are from its origin, m: errors of turns move them by as much
+   * @param magnified - what displacements of points in their bodies are multiplied by
    */
-  largestError(reaches) {
+  largestError(reaches, magnified = 1) {
     const { statedRms, count } = this.coordinates;
     if (statedRms === null) return null;
     let largest = 0;
@@ -77,7 +78,7 @@ export class LivePoses {
         // a unit quaternion, or half-angle pair, that is off by e turns by 2 e
         largest = Math.max(largest, Math.sqrt(moved) + 2 * Math.sqrt(turned) * reaches[b] || 0);
       }
-    return largest + this.largestDisplacementError();
+    return largest + magnified * this.largestDisplacementError();
   }
 
   /** The largest stated error of a displacement in a body, in m, as a root mean square. */
