@@ -336,7 +336,7 @@ def discrete():
     [
         ({"noise": "cauchy"}, "noise is 'cauchy'; expected 'normal' or 'student'"),
         ({"on": "paper"}, "on='paper'"),
-        ({"realisations": 10}, "first surrogate needs 52; expected 104"),
+        ({"realisations": 10}, "first surrogate needs 52. Increase realisations, e.g. to 104"),
         ({"draws": 3}, "draws is 3"),
         ({"seed": True}, "seed is True"),
         ({"bias": {"y": Bias(sd=1)}}, "bias has the key 'y'; expected outputs of the study, x"),

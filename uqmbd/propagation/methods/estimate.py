@@ -93,7 +93,7 @@ class Sizing:
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> sizing = MonteCarlo(samples=512, sampling="sobol", seed=1).sizing(None, 0.01)
     >>> sizing.option, sizing.largest(1500), sizing.at(1024).samples
-    ('samples', 1024, 1024)
+    ('samples', 1280, 1024)
     """
 
     option: str
