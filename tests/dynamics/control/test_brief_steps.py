@@ -70,8 +70,9 @@ def test_motions_are_exact_at_samples_and_between(rate, delay, rtol):
         np.testing.assert_allclose(places[row], exact(stiffness, rate, delay, times), rtol=0, atol=allowed)
 
 
-def test_pulses_with_the_period_of_the_samples_are_not_missed():
-    """A force sin^200 of the phase acts for a twentieth of each interval, between two stages of order 5."""
+@pytest.mark.parametrize(("rtol", "allowed"), [(1e-6, 1e-3), (1e-8, 1e-5)])
+def test_pulses_with_the_period_of_the_samples_are_not_missed(rtol, allowed):
+    """A force sin^200 of the phase acts for a twentieth of each interval, where steps may have no stage."""
     mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
     size = uqmbd.RandomVariable("size", chaospy.Uniform(0.5, 2), units="N")
     body = mechanism.body("body", mass=1)
@@ -85,9 +86,9 @@ def test_pulses_with_the_period_of_the_samples_are_not_missed():
     mechanism.output("speed", body.velocity[0], units="m/s")
     values = np.linspace(0.5, 2, 8)[:, None]
     ensemble = Ensemble(build(mechanism), values)
-    found = integrate(ensemble, np.array([0.0, 1.0]), 1e-8, "dop853")
+    found = integrate(ensemble, np.array([0.0, 1.0]), rtol, "dop853")
     expected = values[:, 0] * math.comb(200, 100) / 2**200
-    np.testing.assert_allclose(ensemble.outputs(found.times, found.states)[:, 0, -1], expected, rtol=1e-5)
+    np.testing.assert_allclose(ensemble.outputs(found.times, found.states)[:, 0, -1], expected, rtol=allowed)
 
 
 def test_intervals_of_samples_need_seven_evaluations():

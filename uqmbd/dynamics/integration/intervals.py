@@ -74,10 +74,10 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
 
 
 def _intervals_with_knots(
-    model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool
+    model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool, sampled: bool = False
 ) -> tuple[Interval, ...]:
     """Return the intervals for realisations with given inputs (K, input) and breaks (K, break)."""
-    intervals = _pace(model, values, breaks, times, rtol)
+    intervals = _pace(model, values, breaks, times, rtol, sampled=sampled)
     if not knots or not model.tables:
         return intervals
     begin, end = float(times[0]), float(times[-1])
@@ -105,12 +105,14 @@ def _intervals_with_knots(
     )
 
 
-def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float) -> tuple[Interval, ...]:
+def _pace(
+    model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, sampled: bool
+) -> tuple[Interval, ...]:
     if model.timed is None:
         return intervals_of(breaks, times, model.max_step)
     seen = sample_functions(model.timed, values, breaks, times, rtol)
     edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
-    ends, longest = _bands(edges, sizes)
+    ends, longest = _bands(edges, sizes, sampled=sampled)
     intervals = intervals_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)
     # the middle of an interval is in one band, except if rounding moved its end
     begins = np.array([float(times[0]), *(interval.end for interval in intervals[:-1])])
@@ -159,7 +161,15 @@ def intervals_of_members(
     _, first, which = np.unique(np.nan_to_num(alike, nan=np.inf), axis=0, return_index=True, return_inverse=True)
     own = [
         laid(
-            _intervals_with_knots(model, batch.values[k : k + 1], batch.breaks[k : k + 1], times, rtol, knots=True),
+            _intervals_with_knots(
+                model,
+                batch.values[k : k + 1],
+                batch.breaks[k : k + 1],
+                times,
+                rtol,
+                knots=True,
+                sampled=bool(len(inner)),
+            ),
             float(longest_steps[k]),
         )
         for k in first.tolist()
@@ -210,8 +220,12 @@ def _sizes(cells: Array, begin: float, end: float) -> tuple[Array, Array]:
     return edges, sizes
 
 
-def _bands(edges: Array, sizes: Array) -> tuple[Array, Array]:
-    """Join pieces with similar sizes of cells; return ends (B,) and longest steps (B,), s."""
+def _bands(edges: Array, sizes: Array, *, sampled: bool) -> tuple[Array, Array]:
+    """Join pieces with similar sizes of cells; return ends (B,) and longest steps (B,), s.
+
+    Steps of the slowest band are not limited, because they adapt to functions that are equally fast everywhere. If
+    controllers are `sampled`, each step over an interval has the same phase, and may miss a pulse in each interval.
+    """
     whole = edges[-1] - edges[0]
     band = np.floor(np.log(whole / sizes) / np.log(BAND) + 1e-9).astype(int)
     for level in range(int(band.max(initial=0)), 0, -1):
@@ -222,5 +236,5 @@ def _bands(edges: Array, sizes: Array) -> tuple[Array, Array]:
     changes = np.flatnonzero(np.diff(band)) + 1
     starts = np.concatenate([[0], changes])
     smallest = np.minimum.reduceat(sizes, starts)
-    longest = np.where(band[starts] > band.min(), SHARE * smallest, np.inf)
+    longest = np.where((band[starts] > band.min()) | sampled, SHARE * smallest, np.inf)
     return edges[[*changes, -1]], longest
