@@ -17,7 +17,7 @@ enum {
     RELAXATIONS = 300, /* sweeps over all contacts */
     MOST_BLOWS = 200, /* collisions at an instant; after them, the impact is without restitution */
     TERMS = 16,       /* of the series of an exponential function */
-    SQUARINGS = 35,   /* exp(17) for an eigenvalue of -UNSTABLE and a norm of one; rounding grows to 1e-5 */
+    SQUARINGS = 35,   /* exp(34) for an eigenvalue of -UNSTABLE and a norm of one; rounding grows to 1e-5 */
 };
 
 /* Simultaneous collision, or forces: speeds before it, or accelerations without forces, and their changes. */

@@ -156,7 +156,7 @@ class Integration:
         # jumps of prescribed speeds precede samples, so Python handles both
         self.control = None if self.sampling is None or self.jumping else self.sampling.control()
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
-        if comparing and not layout.states:  # the number of auxiliary states depends on the phase
+        if comparing and not layout.states:  # the ratio of auxiliary states depends on the phase
             method = replace(method, stiff=EARLY_STIFF, patience=EARLY_PATIENCE, early=True)
         if patient:
             method = replace(method, attempts=MOST, patience=2**62)
